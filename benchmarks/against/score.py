@@ -5,14 +5,18 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.against.compare import CODE
 from benchmarks.against.pairs import MISSING, SUPERFLUOUS, TWICE
+from benchmarks.against.record import REAL, SIMULATED
 from benchmarks.gap_check.examine import REPORTS
-from benchmarks.gap_check.record import opened, sealed_names
+from benchmarks.gap_check.record import BAGS, opened, sealed_names
+from benchmarks.gap_check.separable import Truth, inseparable
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
 MANNERS = {MISSING: "lacks", TWICE: "exaggerates", SUPERFLUOUS: "reality has not"}
@@ -26,7 +30,7 @@ ANSWER = "against.json"
 class PairRow:
     """How the comparison of one pair went.
 
-    found: effects named, and what the simulator does with each; hit: the changed effect in the right manner, and nothing else;
+    found: effects named (`a|b`: a tie), and what the simulator does with each; hit: the changed effect in the right manner, and nothing else;
     seen: the changed effect, in whatever manner and beside whatever else; counts: whether the cause reached its size on both sides.
     """
 
@@ -57,16 +61,37 @@ def score_pairs(folder: Path) -> list[PairRow]:
     for name in sealed_names(folder):
         sealed, report = opened(folder, name), folder / REPORTS / name
         if (report / CODE).exists():
-            out.append(scored(json.loads((sealed / "pair.json").read_text()), _answer(report / ANSWER)))
+            pair = json.loads((sealed / "pair.json").read_text())
+            out.append(scored(pair, _answer(report / ANSWER), partial(_one_to_any_observer, pair, sealed, folder / BAGS / name)))
     return out
 
 
-def scored(pair: dict[str, Any], found: dict[str, str] | None) -> PairRow:
-    """The row of a pair; `found` is None where the command refused."""
+def scored(pair: dict[str, Any], found: dict[str, str] | None, alike: Callable[[str], bool] = lambda _: False) -> PairRow:
+    """The row of a pair.
+
+    A tie is right by the rule of the diagnosis' own check (`gap_check.separable.inseparable`): it holds the effect, and nothing that the
+    session with more of the effect can distinguish from it.
+
+    Args:
+        pair: what differs.
+        found: effects named, `a|b` for a tie, and what the simulator does with each; None where the command refused.
+        alike: whether another effect cannot be distinguished from the one that differs.
+    """
     effect, answer = pair["effect"], {"refused": ""} if found is None else found
-    expected = {effect: MANNERS[pair["kind"]]} if effect else {}
+    mine = {entry: manner for entry, manner in answer.items() if effect in entry.split("|")}
     causes = pair["camera"] | pair["simulator"]
-    return PairRow(pair["name"], pair["kind"], pair["scene"], causes, effect, answer, answer == expected, effect in answer, _counts(pair))
+    if effect:
+        others = [other for entry in mine for other in entry.split("|") if other != effect]
+        hit = len(answer) == 1 and list(mine.values()) == [MANNERS[pair["kind"]]] and all(map(alike, others))
+    else:
+        hit = not answer
+    return PairRow(pair["name"], pair["kind"], pair["scene"], causes, effect, answer, hit, bool(mine), _counts(pair))
+
+
+def _one_to_any_observer(pair: dict[str, Any], sealed: Path, bag: Path, other: str) -> bool:
+    """Whether pose and another effect make the map of the effect that differs, in the session with more of it."""
+    session = REAL if pair["kind"] == MISSING else SIMULATED
+    return inseparable(Truth(sealed, bag, session, session), pair["effect"], other)
 
 
 def _counts(pair: dict[str, Any]) -> bool:
@@ -88,4 +113,4 @@ def _answer(path: Path) -> dict[str, str] | None:
     if not path.exists():
         return None
     rows = json.loads(path.read_text())["differences"]
-    return {row["effect"]: row["simulator"] for row in rows}
+    return {"|".join(sorted({row["effect"], *row.get("tied_with", [])})): row["simulator"] for row in rows}

@@ -23,12 +23,12 @@ LEFT = 0.25
 class Truth:
     """The sealed truth of a case, beside the bag that the diagnosis saw."""
 
-    def __init__(self, sealed: Path, bag: Path) -> None:
-        """Open the sealed files."""
-        self.sealed, self.bag = sealed, bag
-        with np.load(sealed / "truth.npz") as data:
+    def __init__(self, sealed: Path, bag: Path, truth: str = "truth", session: str = "bag") -> None:
+        """Open the sealed files; truth: their stem; session: the bag of this truth, in the folder `bag` beside its scene."""
+        self.sealed, self.bag, self.recorded = sealed, bag, bag / session
+        with np.load(sealed / f"{truth}.npz") as data:
             self.arrays = {k: data[k] for k in data.files}
-        self.meta = json.loads((sealed / "truth.json").read_text())
+        self.meta = json.loads((sealed / f"{truth}.json").read_text())
         self._session: tuple[ColumnStore, Chain] | None = None
 
     def map(self, effect: str) -> Float | None:
@@ -145,7 +145,7 @@ def label_error(truth: Truth, cameras: Float) -> float:
     from tof_scene.scene_file import load_scene
 
     caster = Raycaster(load_scene(truth.bag / "scene" / "scene.yaml"))
-    with open_bag(truth.bag / "bag") as reader:
+    with open_bag(truth.recorded) as reader:
         camera = next(iter(reader.captures())).camera
     errors = []
     for T, true in zip(cameras, truth.arrays["T_cell_camera"], strict=True):
@@ -175,7 +175,7 @@ def _session(truth: Truth) -> tuple[ColumnStore, Chain]:
     from toftwin.pipeline import raw_views
 
     config = GapPipelineConfig()
-    with opened(truth.bag / "bag", truth.bag / "scene" / "scene.yaml", config) as (reader, scene):
+    with opened(truth.recorded, truth.bag / "scene" / "scene.yaml", config) as (reader, scene):
         assert scene is not None
         views = raw_views(reader, config)
     caster = Raycaster(scene)

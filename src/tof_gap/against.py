@@ -15,6 +15,7 @@ import numpy as np
 from tof_core.shares import in_percent
 from tof_gap.second import as_fitted, enlarged
 from tof_gap.seen.noise import least_mm
+from tof_gap.tell.calibration_apart import as_calibrated
 from tof_gap.tell.difference import LACKS, STRONG, SUPERFLUOUS, WEAK, Against, AgainstLimits, Difference
 from tof_gap.tell.levels_apart import Level, Noisy, Seen, mixing_apart, noise_apart, steps_apart, wraps_apart
 from tof_gap.tell.light_apart import light_apart
@@ -22,6 +23,7 @@ from tof_gap.tell.loss_apart import Lossy, loss_apart
 from tof_gap.tell.maps_apart import OF_SINGLE_PIXELS, Pair
 from tof_gap.tell.noise_parts import part_apart
 from tof_gap.tell.report import sensor_model
+from tof_gap.tell.tied import same_effect, ties
 from tof_gap.union import apart, members, with_known
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.fixed_pattern import FixedPattern
@@ -67,7 +69,8 @@ def against(
     camera, simulator = sensor_model(real), sensor_model(simulated)
     pair = Pair(real, camera, simulator, tuple(parts), limits, simulated.account.figures.unsure2, removed)
     mirrored = Pair(simulated, simulator, camera, tuple(parts), limits, real.account.figures.unsure2, removed)
-    taken = pair.same_names(real.causes)
+    taken = same_effect(real.causes, simulated.causes, (pair.real_maps.keys(), pair.simulated_maps.keys()))
+    pair.renamed(taken)
     mirrored.renamed(taken)
     gain = real.config.select.gain
     sides = real, simulated
@@ -87,11 +90,15 @@ def against(
     shares = [p.shown([d.effect for d in found]) for p in (pair, mirrored)]
     alike = tuple(d.effect for d in found if any(s[d.effect] < limits.shown for s in shares))
     both = [n for n, a in joint.items() if n in one_sided and n not in {d.effect for d in found} and a.ratio < limits.shown]
-    alike = tuple(sorted({*alike, *both}))
-    biases = sorted((d for d in found if d.effect not in alike), key=lambda d: -(d.shrink or 0.0))
-    distance = pair.distance([n for n in pair.names if n not in alike])
+    stated = as_calibrated(real, simulated)
+    alike = tuple(sorted({*alike, *both} - set(stated)))
+    unlike = [d for d in found if d.effect not in (*alike, *stated)]
+    tied = ties(real.causes, simulated.causes, taken)
+    biases = [replace(d, ties=tied.get(d.effect, ())) for d in unlike]
+    biases.sort(key=lambda d: -(d.shrink or 0.0))
+    distance = pair.distance([n for n in pair.names if n not in (*alike, *stated)])
     lost, lost_alike = _loss(pair, simulated, limits)
-    return Against(distance, (*biases, *lost, *_levels(pair, simulated, limits, known, biases)), (*alike, *lost_alike))
+    return Against(distance, (*biases, *lost, *_levels(pair, simulated, limits, known, biases)), (*alike, *lost_alike), stated)
 
 
 def _seen(sides: Sequence[Diagnosis], union: Sequence[Member], joint: Mapping[str, Apart], pairs: tuple[Pair, Pair], gain: float) -> None:

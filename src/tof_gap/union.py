@@ -17,11 +17,11 @@ from tof_align.folds import deal
 from tof_gap.seen.residual import less
 from tof_gap.solve.candidate import Candidate
 from tof_gap.solve.columns import ColumnStore, build
-from tof_gap.solve.conclude import moves_camera
 from tof_gap.solve.judge import Selector
 from tof_gap.solve.worth import rescored
 from tof_gap.tell.difference import Apart
 from tof_sensor.effects.fixed_pattern import FixedPattern
+from tof_sensor.geometry import image_flow
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 UNSEEN_SD_M = 1.0
 """Metres: deviation of a coefficient whose column is zero in a session, which then says nothing about it."""
+LINEAR_PX = 0.5
+"""Pixels by which a lateness may shift the image, in the median over the CAD, so that its column describes it: beyond, pixels see other points."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +65,7 @@ class Fitted(NamedTuple):
 
 
 def members(sides: Sequence[Diagnosis], taken: Mapping[str, str], unit: float, left_out: AbstractSet[str]) -> list[Member] | None:
-    """The effects in mean depth that either session names, each shape once; None where one moves the camera, which columns do not describe.
+    """The effects in mean depth that either session names, each shape once; None where columns do not describe one (`moves_far`).
 
     Args:
         sides: the real and the simulated session.
@@ -76,12 +78,24 @@ def members(sides: Sequence[Diagnosis], taken: Mapping[str, str], unit: float, l
     for own, side in zip(units, sides, strict=True):
         for cause in () if side.doubted else side.causes:
             for effect in cause.named.effects:
-                if moves_camera(effect, side.camera):
+                if moves_far(effect, side):
                     return None
                 if cause.named.name not in left_out:
                     member = Member(taken.get(cause.named.name, cause.named.name), effect, own)
                     out.setdefault(member.shape, member)
     return list(out.values())
+
+
+def moves_far(effect: Effect, session: Diagnosis) -> bool:
+    """Whether an effect moves the camera or changes its lens by more than columns describe.
+
+    The time between taps changes the mean time of a frame by a little: this shift of the image is linear.
+    """
+    if effect.mount is not None or effect.camera(session.camera) != session.camera:
+        return True
+    frames = [v.frame for v in session.evidence if v.frame.context.twist.any()]
+    shifts = [np.hypot(*image_flow(f))[f.valid] for f in frames]
+    return bool(shifts) and abs(effect.late_s) * float(np.nanmedian(np.concatenate(shifts))) > LINEAR_PX
 
 
 def with_known(union: Sequence[Member], removed: Sequence[Effect]) -> list[Member]:
@@ -133,7 +147,7 @@ def _with_small(session: Diagnosis, names: AbstractSet[str]) -> tuple[ViewEviden
     The other session may have a little more of one: without it, the session would seem to have none.
     """
     views = session.account.solved.evidence
-    small = [e for n in session.account.solved.within if n.name in names for e in n.effects if not moves_camera(e, session.camera)]
+    small = [e for n in session.account.solved.within if n.name in names for e in n.effects if not moves_far(e, session)]
     return less(views, [[-e.bias(v.frame) for v in views] for e in small])
 
 

@@ -83,6 +83,14 @@ def test_a_pair_is_right_if_the_effect_is_named_alone_and_in_its_manner(found: d
     assert (row.hit, row.seen, row.counts) == (hit, seen, True)
 
 
+@pytest.mark.parametrize(("alike", "hit"), [({"depth_scale"}, True), (set[str](), False)])
+def test_a_tie_is_right_if_no_observer_can_distinguish_what_it_holds(alike: set[str], *, hit: bool) -> None:
+    row = scored(LACKING, {"depth_scale|wiggling": "lacks"}, alike.__contains__)
+    assert (row.hit, row.seen) == (hit, True)
+    assert not scored(LACKING, {"depth_scale|range_offset": "lacks"}, alike.__contains__).seen
+    assert not scored(LACKING, {"depth_scale|wiggling": "lacks", "noise": "lacks"}, alike.__contains__).hit
+
+
 def test_a_right_simulator_must_differ_in_nothing_and_a_refusal_is_no_answer() -> None:
     same = pair(RIGHT, "", {"slow_driver": 1.0}, {"slow_driver": 1.0}, [{"slow_driver": 0.003}] * 2)
     assert scored(same, {}).hit

@@ -32,8 +32,10 @@ LEVELS = (Ambient, Dropout, FlyingPixels, PhaseWrap, Quantization)
 LAW = PhotonLaw(floor_m=0.0, shot_m=0.004, reference=2000.0)
 
 
-def diagnosis(evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonLaw = LAW, ties: tuple[str, ...] = ()) -> Diagnosis:
-    """A session in which these effects were found rightly."""
+def diagnosis(
+    evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonLaw = LAW, ties: tuple[str, ...] = (), std: float = 0.0
+) -> Diagnosis:
+    """A session in which these effects were found rightly, each with the standard deviation `std` of its coefficients."""
     biases = [e for e in effects if not isinstance(e, LEVELS)]
     maps = {e.NAME: [e.bias(v.frame) for v in evidence] for e in biases}
     residual = [used(v, ()) + sum((m[i] for m in maps.values()), np.zeros(SHAPE)) for i, v in enumerate(evidence)]
@@ -54,7 +56,9 @@ def diagnosis(evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonL
         rng=np.random.default_rng(0),
         limits=ReportLimits(),
     )
-    causes = [SimpleNamespace(named=SimpleNamespace(name=e.NAME, effects=(e,), ties=ties)) for e in biases]
+    causes = [
+        SimpleNamespace(named=SimpleNamespace(name=e.NAME, effects=(e,), ties=ties, std=(dict.fromkeys(e.LINEAR, std),))) for e in biases
+    ]
     findings = [SimpleNamespace(effect=e, name=e.NAME, corrects=False, common=None) for e in effects if isinstance(e, LEVELS)]
     gap = SimpleNamespace(shrink=None, ci95=None)
     shown = tuple(replace(v, residual=v.residual + sum((m[i] for m in maps.values()), np.zeros(SHAPE))) for i, v in enumerate(evidence))

@@ -13,10 +13,11 @@ import pytest
 from tests.tof_gap.diagnosed import compared, diagnosis, only
 from tests.tof_gap.quiet_views import views
 from tof_gap.tell.difference import LACKS, WEAK
-from tof_gap.union import Fitted, apart, fitted, freed, members, with_known
+from tof_gap.union import Fitted, apart, fitted, freed, members, moves_far, with_known
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.hand_eye import HandEye
+from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.wiggling import Wiggling
 
 if TYPE_CHECKING:
@@ -103,6 +104,16 @@ def test_the_union_has_each_shape_once_and_no_effect_that_moves_the_camera(evide
     assert [(m.group, m.effect.NAME) for m in union] == [("wiggling", "wiggling"), ("wiggling", "depth_scale")]
     assert members((one, diagnosis(evidence, HandEye(z_m=0.02))), {}, 1.0, frozenset()) is None
     assert members((one, other), {}, 1.0, frozenset({"wiggling", "depth_scale"})) == []
+
+
+@pytest.mark.parametrize(("late_s", "far"), [(0.0, False), (0.002, False), (0.200, True)])
+def test_a_lateness_is_described_by_columns_up_to_half_a_pixel(evidence: tuple[ViewEvidence, ...], late_s: float, *, far: bool) -> None:
+    """At 0.1 m/s and a metre, 100 pixels of focal length make 10 pixels per second."""
+    twist = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0])
+    moved = diagnosis(tuple(replace(v, frame=replace(v.frame, context=replace(v.frame.context, twist=twist))) for v in evidence))
+    assert moves_far(Motion(axial_s=late_s), moved) is far
+    assert not moves_far(Motion(axial_s=late_s), diagnosis(evidence)), "at rest nothing is late"
+    assert moves_far(HandEye(z_m=0.001), moved)
 
 
 def test_a_known_effect_is_in_both_sessions(evidence: tuple[ViewEvidence, ...]) -> None:

@@ -66,10 +66,10 @@ class AgainstLimits:
         why="two fits of one camera differ by just that variance",
     )
     unit: float = param(
-        1.5,
+        1.67,
         "ratio of the amplitudes of one albedo in both sessions up to which both have one unit",
         low=1.0,
-        why="albedos of a scene are stated to 40 %; units differ by a power of two or ten",
+        why="albedos of a scene are stated to 40 %, so that all of them may be 1 / 0.6 of the true ones; units differ by a power of two or ten",
     )
     noise: float = param(1.25, "ratio of the two noises from which they differ", low=1.0, why="noise is known to 10 % in each session")
     loss: float = param(
@@ -120,7 +120,7 @@ class Difference:
 
     real_mm, simulated_mm: RMS of the effect over the real session's pixels (noise: median of one capture; loss: NaN); parts: RMS in mm of their
     difference by part; shrink: share of the squared distance that disappears once this effect is corrected, None where it changes no mean depth;
-    note: the size in words, where it is no bias.
+    note: the size in words, where it is no bias; ties: effects that the sessions cannot distinguish from it.
     """
 
     effect: str
@@ -131,15 +131,21 @@ class Difference:
     shrink: float | None
     ci95: tuple[float, float] | None
     note: str = ""
+    ties: tuple[str, ...] = ()
+
+    @property
+    def verdict(self) -> str:
+        """`a`, or `a|b` for effects that the sessions cannot distinguish."""
+        return "|".join(sorted({self.effect, *self.ties}))
 
     @property
     def sentence(self) -> str:
         """What the simulator does with the effect."""
-        return SENTENCES[self.simulator].format(self.effect.replace("_", " "))
+        return SENTENCES[self.simulator].format(self.verdict.replace("_", " ").replace("|", " or "))
 
     @property
     def todo(self) -> str:
-        """How the simulator is put right."""
+        """How the simulator is put right; tied effects are alike on these views, so the one that was fitted is stated."""
         if self.simulator == SUPERFLUOUS:
             return f"take {self.effect} out of the simulator"
         if self.simulator in (WEAK, STRONG) and self.ratio is not None:
@@ -170,17 +176,19 @@ class Difference:
 class Against:
     """Real against simulated: the distance before and after every effect is corrected, and the effects in which they differ.
 
-    alike: effects that one diagnosis named and the views of both sessions show alike.
+    alike: effects that one diagnosis named and the views of both sessions show alike; as_stated: effects that both have, and that differ
+    by no more than the stated calibration allows.
     """
 
     distance: Shrink
     differences: tuple[Difference, ...]
     alike: tuple[str, ...] = ()
+    as_stated: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> tuple[str, ...]:
-        """Names of the effects in which they differ; `none` without any."""
-        return tuple(sorted({d.effect for d in self.differences})) or ("none",)
+        """Names of the effects in which they differ, `a|b` for a tie; `none` without any."""
+        return tuple(sorted({d.verdict for d in self.differences})) or ("none",)
 
     def lines(self) -> list[str]:
         """The comparison in words: the distance before and after the corrections, then each difference."""
@@ -190,6 +198,7 @@ class Against:
             "on views that took no part in the fit"
         )
         both = [f"{name} was found in one session, and the views of both show it alike: no difference" for name in self.alike]
+        both += [f"{name} differs by no more than the stated calibration: no difference" for name in self.as_stated]
         if not self.differences:
             return [before, "the simulator has the camera's effects", *both]
         in_depth = any(not x.note for x in self.differences)
@@ -203,6 +212,7 @@ class Against:
         rows = [
             {
                 "effect": x.effect,
+                "tied_with": list(x.ties),
                 "simulator": x.simulator,
                 "real_mm": _number(x.real_mm),
                 "simulated_mm": _number(x.simulated_mm),
@@ -217,7 +227,13 @@ class Against:
             for x in self.differences
         ]
         distance = {"before_mm": d.above_mm(d.before), "after_mm": d.above_mm(d.after), "floor_mm": d.floor_mm, "shrink": d.shrink}
-        return {"verdict": list(self.verdict), "distance": distance, "differences": rows, "alike": list(self.alike)}
+        return {
+            "verdict": list(self.verdict),
+            "distance": distance,
+            "differences": rows,
+            "alike": list(self.alike),
+            "as_stated": list(self.as_stated),
+        }
 
 
 def _number(value: float) -> float | None:

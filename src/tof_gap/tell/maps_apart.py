@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from tof_core.arrays import Float
-    from tof_gap.tell.account import Cause
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_gap.tell.difference import Apart
     from tof_gap.tell.shrink import HeldOut, Shrink
@@ -109,20 +108,11 @@ class Pair:
         """A real frame with the amplitude that the simulator's camera would have."""
         return replace(frame, amplitude=self.unit * frame.amplitude)
 
-    def same_names(self, causes: Sequence[Cause]) -> dict[str, str]:
-        """Where one session ties an effect with one that the other session names, both take the same name: simulator's to real's."""
-        taken = {}
-        for cause in causes:
-            name = cause.named.name
-            for tie in cause.named.ties:
-                if name in self.real_maps and name not in self.simulated_maps and tie in self.simulated_maps and tie not in self.real_maps:
-                    self.simulated_maps[name] = self.simulated_maps.pop(tie)
-                    taken[tie] = name
-        return taken
-
     def renamed(self, taken: Mapping[str, str]) -> None:
-        """The real session's effects under the names by which the other session's were compared."""
-        self.real_maps = {taken.get(name, name): maps for name, maps in self.real_maps.items()}
+        """Both sessions' effects under the names by which they are compared."""
+        self.real_maps, self.simulated_maps = (
+            {taken.get(name, name): maps for name, maps in side.items()} for side in (self.real_maps, self.simulated_maps)
+        )
 
     def shown(self, names: Sequence[str]) -> dict[str, float]:
         """Share of each difference that the session's views show whatever their poses are; NaN where poses could hide it."""
