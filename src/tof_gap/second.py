@@ -57,7 +57,7 @@ def enlarged(
     """The union with the effects that a session shows beside it, each at least as large as a diagnosis asks for, and the effects left out.
 
     One name may be fitted to the errors of two effects, of which the other session shows one. So each effect that only one diagnosis
-    named is left out for a trial: it stays out where effects found without it explain both sessions better.
+    named is left out for a trial: it stays out where another effect is found without it, and both sessions are explained better.
 
     Nothing is added where a session has errors without a name, or light of another camera, whose errors differ from view to view: any
     effect may fit them.
@@ -75,7 +75,9 @@ def enlarged(
     best = begun = _with_more(sides, union, more)
     for name in _one_sided(sides, union):
         trial = _with_more(sides, [m for m in union if m.group != name], [m for m in more if m.group != name])
-        if begun.over(trial) < begun.over(best) - sides[0].config.select.tie_gain:
+        # Views that see little of an effect are predicted badly from the others: that alone is no reason to leave it out.
+        another = {m.group for m in trial.members} - {m.group for m in begun.members}
+        if another and begun.over(trial) < begun.over(best) - sides[0].config.select.tie_gain:
             best, exchanged = trial, [name]
     return best.members, exchanged
 
