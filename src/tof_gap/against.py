@@ -77,9 +77,9 @@ def against(
     union = members(sides, taken, pair.unit, OF_MAPS)
     joint: dict[str, Apart] = {}
     if union is not None:
-        union, exchanged = enlarged(sides, with_known(union, removed), pair.unit, OF_MAPS | left_out)
+        union = enlarged(sides, with_known(union, removed), pair.unit, OF_MAPS | left_out)
         joint = apart(sides, union, gain)
-        _seen(sides, union, joint, (pair, mirrored), exchanged)
+        _seen(sides, union, joint, (pair, mirrored), gain)
     one_sided = set(pair.real_maps) ^ set(pair.simulated_maps)
     for name in one_sided & joint.keys():
         # Only where it differs: of effects that look alike, each session may have another one for the same error.
@@ -101,23 +101,12 @@ def against(
     return Against(distance, (*biases, *lost, *_levels(pair, simulated, limits, known, biases)), (*alike, *lost_alike), stated)
 
 
-def _seen(
-    sides: Sequence[Diagnosis], union: Sequence[Member], joint: Mapping[str, Apart], pairs: tuple[Pair, Pair], exchanged: Sequence[str]
-) -> None:
-    """Give both sessions the maps of those effects that neither diagnosis named: where their coefficients have a chi-square of `select.gain`.
-
-    Where the effect `exchanged` is left out of the union, all its effects have other sizes than the diagnoses found.
-    """
-    for pair in pairs:
-        pair.drop(exchanged)
-    known = {m.group for m in union if m.known}
-    new = joint.keys() - known if exchanged else joint.keys() - set(pairs[0].names)
+def _seen(sides: Sequence[Diagnosis], union: Sequence[Member], joint: Mapping[str, Apart], pairs: tuple[Pair, Pair], gain: float) -> None:
+    """Give both sessions the maps of those effects that neither diagnosis named: where their coefficients have a chi-square of `gain`."""
+    new = joint.keys() - set(pairs[0].names)
     if not new:
         return
-    gain = sides[0].config.select.gain
     effects = [as_fitted(session, union, side) for side, session in enumerate(sides)]
-    for pair in pairs:
-        pair.drop([*new])
     for name in new:
         has = joint[name].real >= gain, joint[name].simulated >= gain
         for side, pair in enumerate(pairs):

@@ -14,7 +14,7 @@ import numpy as np
 
 from tof_gap.solve.candidates import candidates
 from tof_gap.solve.conclude import moves_camera
-from tof_gap.solve.together import added, score_of
+from tof_gap.solve.together import added
 from tof_gap.solve.tolerance import mean_square
 from tof_gap.union import Member, designed, fitted
 from tof_sensor.effects.interference import Interference
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
     from tof_core.arrays import Float
-    from tof_gap.solve.judge import Selector
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_sensor.effect import Effect
     from tof_sensor.frame import Frame
@@ -51,13 +50,8 @@ class AsFitted:
         )
 
 
-def enlarged(
-    sides: Sequence[Diagnosis], union: Sequence[Member], unit: float, left_out: AbstractSet[str]
-) -> tuple[list[Member], list[str]]:
-    """The union with the effects that a session shows beside it, each at least as large as a diagnosis asks for, and the effects left out.
-
-    One name may be fitted to the errors of two effects, of which the other session shows one. So each effect that only one diagnosis
-    named is left out for a trial: it stays out where another effect is found without it, and both sessions are explained better.
+def enlarged(sides: Sequence[Diagnosis], union: Sequence[Member], unit: float, left_out: AbstractSet[str]) -> list[Member]:
+    """The union, and the effects that a session shows beside it, each at least as large as a diagnosis asks for.
 
     Nothing is added where a session has errors without a name, or light of another camera, whose errors differ from view to view: any
     effect may fit them.
@@ -70,43 +64,11 @@ def enlarged(
     """
     union = list(union)
     if any(_without_name(side) for side in sides):
-        return union, []
-    more, exchanged = _further(sides, unit, left_out), list[str]()
-    best = begun = _with_more(sides, union, more)
-    for name in _one_sided(sides, union):
-        trial = _with_more(sides, [m for m in union if m.group != name], [m for m in more if m.group != name])
-        # Views that see little of an effect are predicted badly from the others: that alone is no reason to leave it out.
-        another = {m.group for m in trial.members} - {m.group for m in begun.members}
-        if another and begun.over(trial) < begun.over(best) - sides[0].config.select.tie_gain:
-            best, exchanged = trial, [name]
-    return best.members, exchanged
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Enlarged:
-    """A union with what a session shows beside it: the candidates of both sessions' hypotheses, and which of them are chosen."""
-
-    every: list[Member]
-    judges: list[Selector]
-    chosen: tuple[int, ...]
-
-    @property
-    def members(self) -> list[Member]:
-        """The chosen effects."""
-        return [self.every[i] for i in self.chosen]
-
-    def over(self, trial: _Enlarged) -> float:
-        """Held-out chi-square that another union leaves in both sessions, over the errors that this one leaves."""
-        noise = [judge.inflation(self.chosen) for judge in self.judges]
-        return score_of(trial.judges, trial.chosen, noise)
-
-
-def _with_more(sides: Sequence[Diagnosis], union: list[Member], more: Sequence[Member]) -> _Enlarged:
-    """The union with those effects of `more` that a session shows beside it."""
+        return union
+    more = _further(sides, unit, left_out)
     every, begun = [*union, *more], range(len(union))
     names = {m.group for m in union}
-    judges = [designed(session, every, side, names)[0] for side, session in enumerate(sides)]
-    chosen = added(judges, begun) if more else ()
+    chosen = added([designed(session, every, side, names)[0] for side, session in enumerate(sides)], begun) if more else ()
     while chosen:
         found = [*union, *(every[i] for i in chosen)]
         effects = [as_fitted(session, found, side) for side, session in enumerate(sides)]
@@ -114,17 +76,9 @@ def _with_more(sides: Sequence[Diagnosis], union: list[Member], more: Sequence[M
         # Errors as small as a healthy camera's are not named by a diagnosis either.
         small = {i for i in chosen if size_m[i] < sides[0].config.select.least_mm * 1e-3}
         if not small:
-            break
+            return found
         chosen = tuple(i for i in chosen if i not in small)
-    return _Enlarged(every, judges, (*begun, *chosen))
-
-
-def _one_sided(sides: Sequence[Diagnosis], union: Sequence[Member]) -> list[str]:
-    """Effects that one diagnosis named and the other did not; none that both sessions have as a known effect."""
-    named = [{c.named.name for c in side.causes} for side in sides]
-    known = {m.group for m in union if m.known}
-    groups = dict.fromkeys(m.group for m in union)
-    return [g for g in groups if g not in known and sum(g in of_one for of_one in named) == 1]
+    return union
 
 
 def as_fitted(session: Diagnosis, union: Sequence[Member], side: int) -> dict[str, list[AsFitted]]:

@@ -13,11 +13,9 @@ import pytest
 from tests.tof_gap.diagnosed import compared, diagnosis, only
 from tests.tof_gap.quiet_views import SHAPE, views
 from tof_gap.against import against
-from tof_gap.second import AsFitted, enlarged
+from tof_gap.second import AsFitted
 from tof_gap.solve.candidate import Candidate
 from tof_gap.tell.difference import LACKS, SUPERFLUOUS
-from tof_gap.union import Member, members
-from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.range_offset import RangeOffset
@@ -105,37 +103,6 @@ def test_effects_that_move_the_camera_are_not_tried(evidence: tuple[ViewEvidence
     compared(diagnosis(evidence), diagnosis(evidence))
     assert seen == ["wiggling", "range_offset"] * 2
     assert HandEye.NAME not in seen
-
-
-@pytest.mark.parametrize(
-    ("with_wave", "without_wave", "left"),
-    [
-        (100.0, 93.0, ["depth_scale", "range_offset"]),
-        (100.0, 95.0, ["range_offset", "wiggling"]),
-        (100.0, 120.0, ["range_offset", "wiggling"]),
-    ],
-)
-def test_an_effect_that_one_diagnosis_named_is_left_out_where_others_explain_both_sessions_better(
-    evidence: tuple[ViewEvidence, ...], monkeypatch: pytest.MonkeyPatch, with_wave: float, without_wave: float, left: list[str]
-) -> None:
-    """Better by more than tied effects may differ in held-out chi-square, which is 6; what both diagnoses named is not left out."""
-    sides = diagnosis(evidence, RangeOffset(0.004)), diagnosis(evidence, RangeOffset(0.004), wave(0.006))
-    found_without = [Member("depth_scale", DepthScale(), (1.0, 1.0))]
-
-    def scored(_sides: Any, union: list[Member], _more: Any) -> Any:
-        assert any(m.group == "range_offset" for m in union)
-        if any(m.group == "wiggling" for m in union):
-            return SimpleNamespace(members=union, score=with_wave, over=lambda trial: trial.score)
-        return SimpleNamespace(members=[*union, *found_without], score=without_wave, over=lambda trial: trial.score)
-
-    monkeypatch.setattr("tof_gap.second._with_more", scored)
-    union = members(sides, {}, 1.0, frozenset())
-    assert union is not None
-    found, exchanged = enlarged(sides, union, 1.0, frozenset())
-    assert sorted({m.group for m in found}) == left
-    assert exchanged == ([] if "wiggling" in left else ["wiggling"])
-    found_without.clear()
-    assert enlarged(sides, union, 1.0, frozenset()) == (union, []), "nothing else is found: an effect is exchanged, not dropped"
 
 
 def test_a_drift_is_not_extrapolated_beyond_the_temperatures_of_its_session(evidence: tuple[ViewEvidence, ...]) -> None:

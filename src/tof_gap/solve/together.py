@@ -51,11 +51,6 @@ def added(judges: Sequence[Selector], begun: Sequence[int]) -> tuple[int, ...]:
     return _strong(judges, current, len(begun)).members[len(begun) :]
 
 
-def score_of(judges: Sequence[Selector], members: Sequence[int], inflate: Sequence[float]) -> float:
-    """Held-out chi-square of all sessions under these members; inflate: of each session, the factor by which its noise is larger than assumed."""
-    return Jointly(tuple(judge.score(members, factor) for judge, factor in zip(judges, inflate, strict=True))).score
-
-
 def _rescored(judges: Sequence[Selector], members: Sequence[int]) -> Jointly:
     return Jointly(tuple(rescored(judge, members) for judge in judges))
 

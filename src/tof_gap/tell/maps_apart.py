@@ -115,17 +115,12 @@ class Pair:
         )
 
     def shown(self, names: Sequence[str]) -> dict[str, float]:
-        """Share of each difference that the session's views show whatever their poses are; NaN where poses could hide it.
-
-        The sizes of all other effects are free: their fits err, too, and a difference may look like these errors.
-        """
+        """Share of each difference that the session's views show whatever their poses are; NaN where poses could hide it."""
         if not names:
             return {}
-        others = [self.real_maps.get(n) or self.simulated_maps[n] for n in self.names if n not in names]
-        assumed = [*(self.apart(n) for n in names), *others]
         floors = [self.real.floor2[v] for v in self.held]
-        found = shown(self._before(), assumed, floors, [self.real.evidence[v].frame for v in self.held])
-        return dict(zip(names, found[: len(names)], strict=True))
+        found = shown(self._before(), [self.apart(n) for n in names], floors, [self.real.evidence[v].frame for v in self.held])
+        return dict(zip(names, found, strict=True))
 
     @property
     def frames_seen(self) -> list[Frame]:
@@ -168,12 +163,6 @@ class Pair:
         for side, maps in ((self.real_maps, own), (self.simulated_maps, other)):
             if maps is not None:
                 side[name] = maps
-
-    def drop(self, names: Sequence[str]) -> None:
-        """Take effects out of both sessions: others explain their errors better."""
-        self.real_maps, self.simulated_maps = (
-            {name: maps for name, maps in side.items() if name not in names} for side in (self.real_maps, self.simulated_maps)
-        )
 
     def by_coefficients(self, name: str, found: Apart) -> Difference | None:
         """One effect by its coefficients in both sessions; None where they agree, or differ by little."""
