@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.shares import in_percent
+from tof_gap.calibration_apart import as_calibrated
 from tof_gap.second import as_fitted, enlarged
 from tof_gap.seen.noise import least_mm
-from tof_gap.tell.calibration_apart import as_calibrated
 from tof_gap.tell.difference import LACKS, STRONG, SUPERFLUOUS, WEAK, Against, AgainstLimits, Difference
 from tof_gap.tell.levels_apart import Level, Noisy, Seen, mixing_apart, noise_apart, steps_apart, wraps_apart
 from tof_gap.tell.light_apart import light_apart
