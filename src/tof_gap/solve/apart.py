@@ -12,12 +12,12 @@ from tof_core import se3
 from tof_core.errors import RefusedError
 from tof_gap.seen.world import without_world, world_of
 from tof_gap.solve.start import Start, check_fit, observe
-from tof_gap.solve.stray import beyond
+from tof_gap.solve.stray import arm_error
 
 if TYPE_CHECKING:
     from tof_align.chain import Chain
     from tof_align.config import AlignConfig
-    from tof_core.arrays import Mask
+    from tof_core.arrays import Float, Mask
     from tof_gap.config import GapConfig
     from tof_gap.limits.solve import StrayLimits
     from tof_scene.raycast import Raycaster
@@ -48,19 +48,24 @@ def off_the_robot(chain: Chain, limits: StrayLimits) -> Mask:
     """(V,) views whose arm the robot's prior excludes; none where poses have covariances of their own."""
     if chain.root is not None:
         return np.zeros(len(chain.arm), bool)
-    return beyond(np.array([se3.log(arm) for arm in chain.arm]) / chain.priors.arm, limits)
+    return np.asarray(_off(chain) > limits.sigma)
 
 
 def misfits(begun: Start, limits: StrayLimits) -> Mask:
-    """(V,) views that leave many pixels far off at their first pose, where the others leave few; none where poses are given.
+    """(V,) views that leave many pixels far off at a first pose far from the robot's; none where poses are given.
 
     A pose between the CAD and an object that fills much of the view fits neither.
     """
     if begun.chain.root is not None:
         return np.zeros(len(begun.evidence), bool)
     off = [np.abs(v.residual[np.isfinite(v.residual) & ~v.edge]) > limits.misfit_mm * 1e-3 for v in begun.evidence]
-    share = np.array([o.mean() if o.size else 0.0 for o in off])
-    return np.asarray(share > max(limits.misfit_share, limits.misfit_times * float(np.median(share))))
+    many = np.array([o.mean() if o.size else 0.0 for o in off]) > limits.misfit_share
+    return np.asarray(many & (_off(begun.chain) > limits.misfit_sigma))
+
+
+def _off(chain: Chain) -> Float:
+    """(V,) arm errors of a chain, in standard deviations of the robot's prior."""
+    return arm_error(np.array([se3.log(arm) for arm in chain.arm]) / chain.priors.arm)
 
 
 def _beside_objects(begun: Start, caster: Raycaster, config: GapConfig, align: AlignConfig) -> Start:

@@ -50,13 +50,13 @@ def stray_views(arms: Float, limits: StrayLimits) -> Mask:
 
     arms (V, 6): arm errors in standard deviations of the robot's prior.
     """
-    stray = beyond(arms, limits)
+    stray = arm_error(arms) > limits.sigma
     return stray if stray.sum() <= limits.share * len(arms) else np.zeros(len(arms), bool)
 
 
-def beyond(arms: Float, limits: StrayLimits) -> Mask:
-    """(V,) views whose arm error (V, 6), in standard deviations of the robot's prior, is too large."""
-    return np.asarray(np.sqrt((arms**2).mean(axis=1)) > limits.sigma)
+def arm_error(arms: Float) -> Float:
+    """(V,) arm errors (V, 6), in standard deviations of the robot's prior: RMS over their six components."""
+    return np.asarray(np.sqrt((arms**2).mean(axis=1)))
 
 
 def without_pixels(views: Sequence[View], which: Mask) -> list[View]:
