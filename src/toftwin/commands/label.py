@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--joint",
         action="store_true",
-        help="diagnose the session (as toftwin gap) and solve the poses together with the effects found; mode final, needs a minute or more",
+        help="diagnose the session (as toftwin gap), solve the poses together with the effects found, and show displaced parts where they stand; mode final, needs a minute or more",
     )
     parser.add_argument(
         "--engine", choices=("local", "ray"), help="where a batch runs: in processes of this host, or on a Ray cluster (default: local)"
