@@ -91,7 +91,7 @@ def simulate(
 
 def save_model(model: SensorModel, path: Path) -> None:
     """Write `sensor.yaml`: schema; unit of amplitude, camera and promise if known; then one block per effect."""
-    blocks = [{"effect": e.NAME} | _plain(to_mapping(e)) for e in model.effects]
+    blocks = [block_of(e) for e in model.effects]
     gain = {} if model.gain is None else {"gain": float(model.gain)}
     origin = to_blocks(model.camera, model.promise)
     head = FREQUENCY if any("modulation_mhz" in b for b in blocks) else ""
@@ -109,7 +109,7 @@ def load_model(path: Path) -> SensorModel:
     if set(data) - {"gain", "camera", "promise"} != {"schema", "effects"} or not isinstance(blocks, list):
         msg = "must hold the keys schema and effects, and may hold gain, camera and promise, nothing else"
         raise ConfigError(msg, where=path)
-    effects = tuple(_effect(b, f"{path}: effects[{i}]") for i, b in enumerate(blocks))
+    effects = tuple(effect_of(b, f"{path}: effects[{i}]") for i, b in enumerate(blocks))
     return SensorModel(
         effects, _gain(data.get("gain"), path), camera_from(data.get("camera"), path), promise_from(data.get("promise"), path)
     )
@@ -124,7 +124,13 @@ def _gain(value: Any, path: Path) -> float | None:
     return float(value)
 
 
-def _effect(block: Any, where: str) -> Effect:
+def block_of(effect: Effect) -> dict[str, Any]:
+    """Name and parameters of an effect as plain values, for YAML and JSON."""
+    return {"effect": effect.NAME} | _plain(to_mapping(effect))
+
+
+def effect_of(block: Any, where: str) -> Effect:
+    """The inverse of `block_of`; a block that is none, and values out of bounds, are refused."""
     if not isinstance(block, dict) or not isinstance(block.get("effect"), str):
         msg = "must name its effect"
         raise ConfigError(msg, where=where)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tof_core.config import from_mapping, to_mapping
 from tof_gap.solve.free import UNKNOWN
 from tof_sensor.effects.cad_deviation import CadDeviation
+from tof_sensor.model import block_of, effect_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -30,13 +30,14 @@ class Displaced:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for the file of an interrupted run."""
-        return to_mapping(self.deviation) | {"confidence": self.confidence}
+        return {"deviation": block_of(self.deviation), "confidence": self.confidence}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Displaced:
         """The inverse of `to_dict`."""
-        own = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items() if k != "confidence"}
-        return cls(from_mapping(CadDeviation, own), float(values["confidence"]))
+        deviation = effect_of(values["deviation"], "displaced part")
+        assert isinstance(deviation, CadDeviation)
+        return cls(deviation, float(values["confidence"]))
 
     def off_m(self, part: Part) -> float:
         """Metres by which the part is off its CAD: RMS along the normal over its surface."""

@@ -10,12 +10,11 @@ import numpy as np
 
 from tof_align.session import solve_session
 from tof_core.config import flatten, from_mapping
-from tof_scene.raycast import Raycaster
 from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.intrinsics import Intrinsics
 from toftwin.cameras import Cameras
 from toftwin.diagnosis import GapPipelineConfig, diagnose_bag
-from toftwin.displaced import as_found, displaced_parts, unsure_of
+from toftwin.displaced import displaced_parts, unsure_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
     from tof_core.bag import BagReader
     from tof_core.capture import View
     from tof_gap.solved import Solved
+    from tof_scene.raycast import Raycaster
     from tof_sensor.model import SensorModel
     from toftwin.boarded import BoardSource
     from toftwin.pipeline import PipelineConfig
@@ -53,7 +53,7 @@ def joint_poses(
         for v, k, b in zip(views, at, bias, strict=True)
     ]
     displaced = displaced_parts(diagnosis.verdict, solved.named)
-    found = Raycaster(as_found(caster.scene, displaced)) if displaced else caster
+    found = Cameras([], displaced).caster(caster)
     posed = unsure_of(solve_session(clean, found, config.align).posed, caster.scene, displaced)
     cameras = [p.seen_by(c.camera) for p, c in zip(posed, clean, strict=True)]
     return Cameras([replace(p, camera=None if c == v.camera else c) for p, c, v in zip(posed, cameras, views, strict=True)], displaced)

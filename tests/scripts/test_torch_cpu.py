@@ -24,7 +24,7 @@ def test_the_training_extra_is_installed_editable() -> None:
     [
         ([" + sympy==1.14.0", " + torch==2.13.0+cpu"], True),
         ([" + nvidia-cublas==13.1.0", " + torch==2.13.0"], False),
-        (["Built toftwin @ file:///home/cuda/toftwin", " + torch==2.13.0+cpu"], True),
+        (["Built toftwin @ file:///cuda/toftwin", " + torch==2.13.0+cpu"], True),
         (["Would install sympy-1.14.0 torch-2.13.0+cpu"], True),
         (["Would install nvidia-cublas-13.1.0 torch-2.13.0"], False),
         (["Would install torch-2.13.0 triton-3.6.0"], False),
