@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from functools import wraps
+from typing import TYPE_CHECKING, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from typing import Any
 
     from numpy.typing import NDArray
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from tof_scene.raycast import Raycaster
     from tof_scene.render import Rendering
 
+T = TypeVar("T")
 LIGHT_M_PER_S = 299_792_458.0
 MOVING_M_S = 5e-3
 """Speed in m/s from which a view counts as taken in motion: 0.1 mm within an exposure of 20 ms."""
@@ -83,14 +86,12 @@ class Frame:
     @property
     def length(self) -> Float:
         """(H, W) radial distance per metre of z."""
-        if self.rays is self.camera.rays():
-            return self.camera.ray_length()
-        known = _lengths.get(self)
-        if known is None:
-            known = np.sqrt(np.einsum("...i,...i->...", self.rays, self.rays))
-            known.setflags(write=False)
-            _lengths[self] = known
-        return known
+        return self.camera.ray_length() if self.whole else _ray_length(self)
+
+    @property
+    def whole(self) -> bool:
+        """Whether it has the camera's pixels, and not chosen ones (`take`)."""
+        return self.rays is self.camera.rays()
 
     def take(self, pixels: Ints) -> Frame:
         """The same view on chosen pixels (flat indices (n,)), as a raster of one row (1, n).
@@ -145,8 +146,31 @@ class Frame:
         return self.rays * self.depth[..., None]
 
 
-_lengths: WeakKeyDictionary[Frame, Float] = WeakKeyDictionary()
-"""Of frames on chosen pixels, which hundreds of hypotheses ask for."""
+def once_per_frame(compute: Callable[[Frame], T], *, whole: bool = False) -> Callable[[Frame], T]:
+    """`compute` with its value kept as long as the frame lives: for what hundreds of hypotheses ask of the same frame.
+
+    Only of frames on chosen pixels, unless `whole` is set: images of all views would take too much memory.
+    """
+    kept: WeakKeyDictionary[Frame, T] = WeakKeyDictionary()
+
+    @wraps(compute)
+    def known(frame: Frame) -> T:
+        if frame not in kept:
+            value = compute(frame)
+            if frame.whole and not whole:
+                return value
+            kept[frame] = value
+        return kept[frame]
+
+    return known
+
+
+@once_per_frame
+def _ray_length(frame: Frame) -> Float:
+    """(H, W) radial distance per metre of z."""
+    length = np.sqrt(np.einsum("...i,...i->...", frame.rays, frame.rays))
+    length.setflags(write=False)
+    return np.asarray(length)
 
 
 def ideal_frame(rendering: Rendering, context: Context | None = None, amplitude: Float | None = None, gain: float = 1.0) -> Frame:

@@ -8,9 +8,10 @@ n . (z' r) = n . p', so dz = n . dp / (n . r), first order in the motion.
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
-from weakref import WeakKeyDictionary
 
 import numpy as np
+
+from tof_sensor.frame import once_per_frame
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float
@@ -55,21 +56,10 @@ def cell_points(frame: Frame) -> Float:
     return np.asarray(frame.points @ T[:3, :3].T + T[:3, 3])
 
 
+@once_per_frame
 def cell_surface(frame: Frame) -> tuple[Float, Float]:
-    """(H, W, 3) surface points in the cell frame, metres, 0 off the CAD; (H, W, 3) change of z per motion of the point in that frame.
-
-    Kept for frames on chosen pixels.
-    """
-    known = _surfaces.get(frame)
-    if known is None:
-        known = np.nan_to_num(cell_points(frame)), np.asarray(slope(frame) @ frame.rendering.T_cell_camera[:3, :3].T)
-        if frame.rays is not frame.camera.rays():
-            _surfaces[frame] = known
-    return known
-
-
-_surfaces: WeakKeyDictionary[Frame, tuple[Float, Float]] = WeakKeyDictionary()
-"""Of frames on chosen pixels: the same for all parts that may have moved."""
+    """(H, W, 3) surface points in the cell frame, metres, 0 off the CAD; (H, W, 3) change of z per motion of the point in that frame."""
+    return np.nan_to_num(cell_points(frame)), np.asarray(slope(frame) @ frame.rendering.T_cell_camera[:3, :3].T)
 
 
 def image_flow(frame: Frame) -> tuple[Float, Float]:

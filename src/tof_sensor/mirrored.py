@@ -8,10 +8,12 @@ R(theta) (rho_q cos(i_q) / r_q^2) / (rho_p cos(theta) / r_p^2). Its path from la
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
-from weakref import WeakKeyDictionary
 
 import numpy as np
+
+from tof_sensor.frame import once_per_frame
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -59,14 +61,17 @@ def mirrored_light(frame: Frame, part: int) -> Mirrored:
     """
     if frame.context.caster is None or part < 0:
         return NOTHING
-    traced = _traced.setdefault(frame, {})
+    traced = _traced(frame)
     if part not in traced:
         traced[part] = _reflected(frame, part)
     return traced[part]
 
 
-_traced: WeakKeyDictionary[Frame, dict[int, Mirrored]] = WeakKeyDictionary()
-"""Of frames and parts: the same at every frequency."""
+@partial(once_per_frame, whole=True)
+def _traced(frame: Frame) -> dict[int, Mirrored]:
+    """What parts of the scene reflect in a view: the same at every frequency; `mirrored_light` fills it."""
+    del frame
+    return {}
 
 
 def _reflected(frame: Frame, part: int) -> Mirrored:

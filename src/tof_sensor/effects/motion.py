@@ -5,15 +5,15 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numba import njit
 
 from tof_core.config import param
 from tof_sensor.effect import Effect, Finer, Form
-from tof_sensor.frame import LIGHT_M_PER_S, MODULATION
+from tof_sensor.frame import LIGHT_M_PER_S, MODULATION, once_per_frame
 from tof_sensor.geometry import image_flow, pose_columns
 
 if TYPE_CHECKING:
@@ -113,18 +113,9 @@ class Passing:
     images: tuple[Float, Float, Float, Float, Float, Float]
 
 
-_seen: WeakKeyDictionary[Frame, Passing] = WeakKeyDictionary()
-
-
+@partial(once_per_frame, whole=True)
 def _passing(frame: Frame) -> Passing:
-    """The changes of a view's pixels, computed once per view: they do not depend on the effect's shape."""
-    if frame not in _seen:
-        _seen[frame] = _passing_by(frame)
-    return _seen[frame]
-
-
-def _passing_by(frame: Frame) -> Passing:
-    """The changes of the pixels under the camera's twist.
+    """The changes of a view's pixels under the camera's twist, which do not depend on the effect's shape.
 
     The measured amplitude is used, so that textures count that the scene lacks. Its rate is that of Lambert's n.p / r^3, with the point p
     and its normal n in the camera's frame, where both rotate alike and the lamp is fixed.

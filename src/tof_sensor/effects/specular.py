@@ -5,14 +5,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from tof_core.config import param
 from tof_sensor.action import ASIDE, FARTHER, NEARER
 from tof_sensor.effect import Effect, Finer, Form
-from tof_sensor.frame import MODULATION, indirect_bias, waves_per_m
+from tof_sensor.frame import MODULATION, indirect_bias, once_per_frame, waves_per_m
 from tof_sensor.mirrored import mirrored_light
 
 if TYPE_CHECKING:
@@ -84,17 +83,9 @@ class Specular(Effect):
                 yield Form(cls(part=part, modulation_mhz=mhz), f"{name} is lacquered, {mhz:g} MHz")
 
 
+@once_per_frame
 def _surface(frame: Frame) -> tuple[Float, Float]:
-    """(H, W), (H, W) squared tangent of the incidence, and matt light: albedo times its cosine; kept for frames on chosen pixels."""
-    known = _surfaces.get(frame)
-    if known is None:
-        incidence = np.minimum(np.nan_to_num(frame.rendering.incidence.astype(np.float64), nan=1.5), 1.5)
-        matt = np.maximum(np.nan_to_num(frame.rendering.albedo.astype(np.float64)) * np.cos(incidence), 1e-6)
-        known = np.tan(incidence) ** 2, matt
-        if frame.rays is not frame.camera.rays():
-            _surfaces[frame] = known
-    return known
-
-
-_surfaces: WeakKeyDictionary[Frame, tuple[Float, Float]] = WeakKeyDictionary()
-"""Of frames on chosen pixels: the same for every lobe and part."""
+    """(H, W), (H, W) squared tangent of the incidence, and matt light: albedo times its cosine."""
+    incidence = np.minimum(np.nan_to_num(frame.rendering.incidence.astype(np.float64), nan=1.5), 1.5)
+    matt = np.maximum(np.nan_to_num(frame.rendering.albedo.astype(np.float64)) * np.cos(incidence), 1e-6)
+    return np.tan(incidence) ** 2, matt
