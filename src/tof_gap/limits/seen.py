@@ -223,6 +223,13 @@ class NoiseLimits:
         0.25, "least share of the views without a burst", low=0.0, high=1.0, why="with fewer there is nothing to compare"
     )
     quiet_margin: float = param(1.3, "variance of a quiet view over that of the quietest quarter", low=1.0, why="the same, in variance")
+    exposure_chance: float = param(
+        0.003,
+        "probability that the noise of views follows their brightness as it does by chance, below which exposure is automatic",
+        low=0.0,
+        high=1.0,
+        why="a session in three hundred; a healthy camera with automatic exposure: 1e-4",
+    )
     line_mm: float = param(0.5, "noise of whole rows or columns", unit="mm", low=0.0, why="the floor of a usual camera is 0.3 mm")
     line_share: float = param(0.25, "the same, over the median noise", low=0.0, high=1.0, why="less changes the total by 3 %")
     pixel_share: float = param(0.004, "share of noisy pixels", low=0.0, high=1.0, why="eight times the share by chance")

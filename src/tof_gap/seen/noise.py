@@ -14,7 +14,7 @@ from tof_gap.seen.correlation import INDEPENDENT
 from tof_gap.seen.finding import CONFIDENT, Finding, most
 from tof_gap.seen.line_noise import line_map, line_noise, line_noise_by_view
 from tof_gap.seen.pattern import beside_pixels, single_pixels
-from tof_gap.seen.photons import binned, code_step, constant_part, fit_law, of_one_capture, quiet_law, view_ratio
+from tof_gap.seen.photons import automatic_exposure, binned, code_step, constant_part, fit_law, of_one_capture, quiet_law, view_ratio
 from tof_gap.seen.pixel_noise import noisy_pixels, pixel_pattern
 from tof_gap.seen.stripes import beat, stripes
 from tof_sensor.effects.interference import Interference
@@ -87,13 +87,15 @@ def noise_effects(
         if wave is not None and wave.size_m > limits.extra_mm * 1e-3:
             return [_stripes(views, wave, float(np.median(b.amplitude)), limits)]
     b = of_one_capture(without_offsets(b, near), np.array([v.view.captures for v in views], float), step, limits)
-    hit = None if dark or unmerged or {Interference.NAME, Noise.NAME} <= left_out else _bursts(views, b, step, limits)
+    exposed = not dark and automatic_exposure(b, fit_law(b, step, limits), limits)
+    hit = None if dark or unmerged or {Interference.NAME, Noise.NAME} <= left_out else _bursts(views, b, step, limits, exposed=exposed)
     if hit is not None:
         return [] if hit.name in left_out else [hit]
     if Noise.NAME in left_out:
         return []
     usual = law is not None and np.median(b.variance / law.variance(b.amplitude, b.surroundings2)) < 1.0 + limits.law_excess
-    own = _noise(views, near, b, None if dark or usual or unmerged else fit_law(b, step, limits), limits)
+    lawless = dark or usual or unmerged or exposed
+    own = _noise(views, near, b, None if lawless else fit_law(b, step, limits), limits)
     return [] if own is None else [own]
 
 
@@ -111,10 +113,10 @@ def without_offsets(b: NoiseBins, views: Sequence[ViewEvidence]) -> NoiseBins:
     return replace(b, variance=np.maximum(b.variance - more * pixel_pattern(views) ** 2, least))
 
 
-def _bursts(views: Sequence[ViewEvidence], b: NoiseBins, step: float, limits: NoiseLimits) -> Finding | None:
-    """Noise of some views above that of the quiet ones."""
+def _bursts(views: Sequence[ViewEvidence], b: NoiseBins, step: float, limits: NoiseLimits, *, exposed: bool) -> Finding | None:
+    """Noise of some views above that of the quiet ones, and above that of their brightness where exposure is automatic."""
     quiet = quiet_law(b, step, len(views), limits)
-    ratio = view_ratio(b, quiet, len(views), limits)
+    ratio = view_ratio(b, quiet, len(views), limits, exposed=exposed)
     # A filter that stops at edges averages fewer pixels in some views than in others.
     hit = _stand_out(np.log(ratio), limits, limits.burst_filtered if views[0].correlation.correlated else limits.burst)
     several = hit.sum() > 1 or (hit.any() and ratio.max() > limits.alone)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import median_filter
 from scipy.optimize import nnls
+from scipy.special import stdtr
 
 from tof_core.stats import by_group, hats, robust_std, second_differences, trimmed_std
 from tof_sensor.effects.photon_law import PhotonLaw
@@ -115,22 +116,50 @@ def constant_part(fitted: LawFit, step_m: float) -> float:
     return float(np.sqrt(max(fitted.law.floor_m**2 - step_m**2 / 12, 0.0)))
 
 
-def view_ratio(b: NoiseBins, fitted: LawFit, views: int, limits: NoiseLimits) -> Float:
-    """(V,) median ratio of the variance of each view's bins to the law and to the trend over range; 1 for a view without bins.
+def view_ratio(b: NoiseBins, fitted: LawFit, views: int, limits: NoiseLimits, *, exposed: bool = False) -> Float:
+    """(V,) median ratio of the variance of each view's bins to the law and to the usual trends; 1 for a view without bins.
 
     The noise of a gated or pulsed camera depends on where in its gates the pulse arrives, and so on range as well as on amplitude.
-    Far views may therefore be noisier without a burst.
+    Far views may therefore be noisier without a burst. So may bright ones where exposure is automatic (`exposed`).
     """
-    ratio = fitted.ratio(b)
-    ratio = ratio / np.exp(_of_range(b, np.log(np.maximum(ratio, 1e-12)), limits.burst_knots))
+    log = np.log(np.maximum(fitted.ratio(b), 1e-12))
+    columns = _over_range(b, limits.burst_knots)
+    if exposed:
+        columns = np.column_stack([columns, np.log(_brightest(b))])
+    trend = columns @ _least_deviations(columns, log)
+    ratio = np.exp(log - trend + np.median(trend))
     return np.array([np.median(ratio[b.view == i]) if (b.view == i).any() else 1.0 for i in range(views)])
 
 
-def _of_range(b: NoiseBins, log: Float, knots: int) -> Float:
-    """(n,) trend of `log` over range: piecewise linear in ln range, by least absolute deviations, less its median."""
-    columns = _over_range(b, knots)
-    trend = columns @ _least_deviations(columns, log)
-    return np.asarray(trend - np.median(trend))
+def automatic_exposure(b: NoiseBins, fitted: LawFit, limits: NoiseLimits) -> bool:
+    """Whether views are noisier the brighter they are, at the same amplitude.
+
+    Automatic exposure shortens the exposure of a bright view. If the camera states amplitudes per exposure, fewer photons are behind the
+    same amplitude there. The noise then is no function of amplitude and range: neither its constant part nor that of a view can be
+    judged by the photon law. By rank correlation over views, which single noisy views hardly change.
+    """
+    seen = np.unique(b.view.astype(int))
+    free = len(seen) - 2
+    if free < 1:
+        return False
+    rank = [
+        np.argsort(np.argsort(x, kind="stable"), kind="stable")
+        for x in (view_ratio(b, fitted, seen[-1] + 1, limits)[seen], _of_views(b)[seen])
+    ]
+    r = float(np.corrcoef(*rank)[0, 1])
+    return bool(stdtr(free, -r * np.sqrt(free / max(1.0 - r**2, 1e-12))) < limits.exposure_chance)
+
+
+def _of_views(b: NoiseBins) -> Float:
+    """(V,) amplitude of each view's brightest bin."""
+    brightest = np.zeros(int(b.view.max()) + 1)
+    np.maximum.at(brightest, b.view.astype(int), b.amplitude)
+    return brightest
+
+
+def _brightest(b: NoiseBins) -> Float:
+    """(n,) amplitude of the brightest bin of each bin's view."""
+    return _of_views(b)[b.view.astype(int)]
 
 
 def _over_range(b: NoiseBins, knots: int) -> Float:

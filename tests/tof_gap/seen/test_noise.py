@@ -12,7 +12,7 @@ from tests.tof_gap.quiet_views import CAMERA, SHAPE, SIGMA_M, VIEWS, rendering, 
 from tof_gap.limits.seen import EvidenceLimits, LevelLimits, NoiseLimits
 from tof_gap.seen.level import depth_step, noise_level
 from tof_gap.seen.noise import _stand_out, noise_effects, without_offsets
-from tof_gap.seen.photons import binned, fit_law, own_law, quiet_law, view_ratio
+from tof_gap.seen.photons import automatic_exposure, binned, fit_law, own_law, quiet_law, view_ratio
 from tof_gap.seen.residual import gather
 from tof_gap.seen.stereo import like_stereo
 from tof_gap.solve.candidates import not_testable
@@ -273,6 +273,38 @@ def test_captures_that_share_noise_make_no_burst(shared: float) -> None:
     law = own_law(seen, [], LIMITS)
     assert law is not None
     assert np.sqrt(law.variance(np.array([2000.0]), np.array([1.0]))) == pytest.approx(SIGMA_M, rel=0.05)
+
+
+def exposed_automatically(bright: np.ndarray, spread: float = 0.05) -> NoiseBins:
+    """Bins of views (V,) that are so much brighter than the darkest; the exposure is shortened by as much, and the amplitude stated per exposure."""
+    count, each = len(bright), 10
+    amplitude = bright[:, None] * np.geomspace(1000, 10000, each)
+    variance = 0.001**2 * 5000.0 / (amplitude / bright[:, None]) * np.exp(spread * rng().standard_normal((count, 1)))
+    ones = np.ones(count * each)
+    return NoiseBins(np.repeat(np.arange(float(count)), each), amplitude.ravel(), ones, ones, variance.ravel(), 2000.0 * ones)
+
+
+def test_views_that_are_noisier_the_brighter_they_are_were_exposed_automatically() -> None:
+    bright = rng().permutation(np.geomspace(1.0, 8.0, VIEWS))
+    b = exposed_automatically(bright)
+    assert automatic_exposure(b, fit_law(b, 0.0, LIMITS), LIMITS)
+    plain = replace(b, variance=0.001**2 * 5000.0 / b.amplitude)
+    assert not automatic_exposure(plain, fit_law(plain, 0.0, LIMITS), LIMITS), "the same law in all views"
+    assert not automatic_exposure(b.of(b.view < 2), fit_law(b.of(b.view < 2), 0.0, LIMITS), LIMITS), "two views show no dependence"
+    usual = view_ratio(b, fit_law(b, 0.0, LIMITS), VIEWS, LIMITS)
+    beside = view_ratio(b, fit_law(b, 0.0, LIMITS), VIEWS, LIMITS, exposed=True)
+    assert np.std(np.log(beside)) < 0.3 * np.std(np.log(usual))
+
+
+def test_noise_under_automatic_exposure_is_no_effect() -> None:
+    """Brighter by up to 4 at the same noise: as a burst of the bright views, or as noise at every amplitude, it would be 2 mm."""
+    bright = rng().permutation(np.geomspace(1.0, 4.0, VIEWS))
+    seen = [
+        replace(v, frame=replace(v.frame, amplitude=k * v.frame.amplitude), view=replace(v.view, amplitude=k * v.view.amplitude))
+        for k, v in zip(bright, views(rng()), strict=True)
+    ]
+    assert noise_effects(seen, LIMITS) == []
+    assert noise_effects(seen, replace(LIMITS, exposure_chance=0.0)) != [], "without allowing for exposure"
 
 
 def test_bursts_beside_dwells_of_different_length_are_found() -> None:
