@@ -29,6 +29,13 @@ class ForeignLightLimits:
         high=1.0,
         why="two signs, each rare without foreign light",
     )
+    chance_follows: float = param(
+        1e-4,
+        "probability at which these errors follow distance and amplitude of the views",
+        low=0.0,
+        high=1.0,
+        why="errors of an arm and foreign light do so in one session of ten thousand; a hazy lens that is not named did at 9e-6",
+    )
     field_chi2: float = param(100.0, "chi-square that the field of a view explains", low=0.0, why="by chance, thirteen terms explain 13")
     field_mm: float = param(
         0.2, "RMS of such a field", unit="mm", low=0.0, why="healthy emerging cameras leave 0.05, foreign light of 2 mm 0.3"

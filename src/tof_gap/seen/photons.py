@@ -142,11 +142,11 @@ def automatic_exposure(b: NoiseBins, fitted: LawFit, limits: NoiseLimits) -> boo
     free = len(seen) - 2
     if free < 1:
         return False
-    rank = [
-        np.argsort(np.argsort(x, kind="stable"), kind="stable")
-        for x in (view_ratio(b, fitted, seen[-1] + 1, limits)[seen], _of_views(b)[seen])
-    ]
-    r = float(np.corrcoef(*rank)[0, 1])
+    noise, light = (
+        np.argsort(np.argsort(x[seen], kind="stable"), kind="stable")
+        for x in (view_ratio(b, fitted, int(seen[-1]) + 1, limits), _of_views(b))
+    )
+    r = float(np.corrcoef(noise, light)[0, 1])
     return bool(stdtr(free, -r * np.sqrt(free / max(1.0 - r**2, 1e-12))) < limits.exposure_chance)
 
 
@@ -159,7 +159,7 @@ def _of_views(b: NoiseBins) -> Float:
 
 def _brightest(b: NoiseBins) -> Float:
     """(n,) amplitude of the brightest bin of each bin's view."""
-    return _of_views(b)[b.view.astype(int)]
+    return np.asarray(_of_views(b)[b.view.astype(int)])
 
 
 def _over_range(b: NoiseBins, knots: int) -> Float:

@@ -10,8 +10,9 @@ import numpy as np
 
 from tof_core.memory import give_back
 from tof_gap.seen import detected, missing, noise
+from tof_gap.seen.arm_steps import chance_of_following, contents
 from tof_gap.seen.foreign_lamp import foreign_lamp
-from tof_gap.seen.foreign_light import along_the_view, drifts_by_chance, foreign_light
+from tof_gap.seen.foreign_light import ALONG, along_the_view, drifts_by_chance, foreign_light
 from tof_gap.seen.lost_by_line import lost_by_lines
 from tof_gap.tell.figures import figures
 from tof_sensor.effect import Evidence
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from collections.abc import Set as AbstractSet
 
+    from tof_core.arrays import Float
     from tof_gap.config import GapConfig
     from tof_gap.limits.foreign import ForeignLightLimits
     from tof_gap.seen.finding import Finding
@@ -56,7 +58,8 @@ class Account:
 
     causes: effects of the solution, each with its figures on held-out views; findings: effects that noise, loss or edges show;
     figures: the arrays that every figure is computed from; gap: before and after all asserted effects; pushed: whether arm errors
-    along the optical axis exceed the robot's prior and no named effect explains them.
+    along the optical axis exceed the robot's prior and no named effect explains them; follows: whether they follow distance and
+    amplitude of the views, as a depth error does that the poses absorb.
     """
 
     solved: Solved
@@ -65,6 +68,7 @@ class Account:
     figures: Figures
     gap: Shrink
     pushed: bool = False
+    follows: bool = False
 
     def names(self, *, causes: bool) -> set[str]:
         """Names for the verdict: causes and findings; without `causes`, only the findings that were not read off structure."""
@@ -119,7 +123,7 @@ def account(
     )
     silent = alone or _arms_silent(solved, left_out) or any(isinstance(f.effect, Interference) for f in findings)
     pushed = not silent and along_the_view(solved.arms, solved.arms_sd, config.noise.foreign_light)
-    return Account(solved, causes, findings, counted, gap, pushed)
+    return Account(solved, causes, findings, counted, gap, pushed, not alone and _arms_follow(solved, config, left_out))
 
 
 def unfounded(found: Account, limits: ForeignLightLimits) -> str | None:
@@ -158,7 +162,7 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     own = noise.beside_lines(noise.without_noisy_pixels(left, config.noise), lines)
     light = [] if unmerged else detected.detected_effects(own, config.noise, law, left_out)
     beside = detected.explained(left, light)
-    silent = _arms_silent(solved, left_out) or Interference.NAME in left_out
+    silent = _arms_silent(solved, left_out) or Interference.NAME in left_out or _arms_follow(solved, config, left_out)
     foreign = None
     if not silent:
         of_lines = noise.smooth_by_lines(left, lines, config.noise)
@@ -178,6 +182,19 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
 def _arms_silent(solved: Solved, left_out: AbstractSet[str]) -> bool:
     """Whether arm errors are no evidence: while motion shifts edges, or without an arm (then hand-eye is not considered either)."""
     return solved.names(Motion.NAME) or HandEye.NAME in left_out
+
+
+def _arms_follow(solved: Solved, config: GapConfig, left_out: AbstractSet[str]) -> bool:
+    """Whether arm errors along the optical axis follow distance and amplitude of the views."""
+    if _arms_silent(solved, left_out):
+        return False
+    chance = chance_of_following(steps_along(solved), contents(solved.evidence), solved.chain.station)
+    return chance < config.noise.foreign_light.chance_follows
+
+
+def steps_along(solved: Solved) -> Float:
+    """(V,) arm errors along the optical axis over their standard deviations by the robot's prior."""
+    return np.asarray((solved.arms / solved.arms_sd)[:, ALONG])
 
 
 def _named_m(solved: Solved) -> float:

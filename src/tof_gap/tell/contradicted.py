@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tof_core.stats import touched
-from tof_gap.tell.account import unfounded
+from tof_gap.seen.arm_steps import chance_of_following, means
+from tof_gap.tell.account import steps_along, unfounded
 from tof_gap.tell.block_means import block_means, unbiased2
 from tof_gap.tell.by_view import uneven
 from tof_gap.tell.figures import away_from_edges
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float
     from tof_gap.config import GapConfig
+    from tof_gap.limits.foreign import ForeignLightLimits
     from tof_gap.limits.report import UnexplainedLimits
     from tof_gap.tell.account import Account
     from tof_gap.tell.block_means import BlockMeans
@@ -33,7 +35,7 @@ class TakenOut(NamedTuple):
 
 
 def taken_out(found: Account, config: GapConfig) -> TakenOut | None:
-    """The next cause that is not believed: an unfounded one, else a contradicted, an uneven or an unchosen one; None where all are believed.
+    """The next cause that is not believed: an unfounded one, else a contradicted, an uneven, an absorbed or an unchosen one; None where all are believed.
 
     Beside another camera's light, an uneven cause is the smooth part of that light, and no mechanism without a name acts there. Nor does
     one where a cause was only suspected.
@@ -47,7 +49,26 @@ def taken_out(found: Account, config: GapConfig) -> TakenOut | None:
     foreign = any(isinstance(f.effect, Interference) for f in found.findings)
     if (name := uneven(found, limit, config.noise)) is not None:
         return TakenOut(name, contradicted=not foreign and name not in suspected)
+    if not foreign and (name := absorbed(found, config.noise.foreign_light)) is not None:
+        return TakenOut(name, contradicted=name not in suspected)
     return None if (name := unchosen(found, limit)) is None else TakenOut(name, contradicted=True)
+
+
+def absorbed(found: Account, limits: ForeignLightLimits) -> str | None:
+    """The effect whose mean over each view the steps of the camera along its axis follow best, if hardly by chance; else None.
+
+    Its size between views then differs from that within views, so that it is not the mechanism. Steps beside motion are no evidence.
+    """
+    if not found.follows:
+        return None
+    solved = found.solved
+    chance = {
+        name: chance_of_following(steps_along(solved), means(solved.evidence, maps), solved.chain.station)
+        for name, maps in solved.maps.items()
+        if not EFFECTS[name].SMEARS
+    }
+    best = min(chance, key=chance.__getitem__, default=None)
+    return best if best is not None and chance[best] < limits.chance_follows else None
 
 
 def unchosen(found: Account, limit: UnexplainedLimits) -> str | None:

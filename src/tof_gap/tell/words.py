@@ -22,6 +22,7 @@ GOES_WITH = {
     "z_m": PLACE,
     "temperature_c": "temperature",
     "hand": "the camera's place on the hand",
+    "viewed": "distance and brightness of the view",
     "stray_light": "stray light over the returned light",
 }
 """Words for observables whose names are no words of a reader."""

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Steps of the camera along its optical axis that follow the views: an arm's errors know neither how far nor how bright the parts are.
+
+A depth error that no effect of the solution describes is absorbed by the poses as far as it is alike over a view. Its share in a step then
+follows what the view contains. Errors of the arm do not, nor does another camera's light, whose phase is new in every capture.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import fdtrc
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float, Ints
+    from tof_gap.seen.residual import ViewEvidence
+
+
+def chance_of_following(steps: Float, of_view: Float, station: Ints) -> float:
+    """Probability that steps follow quantities of the views as closely as they do by chance (F test).
+
+    Args:
+        steps: (V,) arm errors along the optical axis, over their standard deviations by the robot's prior.
+        of_view: (V, k) quantities of each view; a view with a NaN does not count.
+        station: (V,) of each view; the mean of a station is an error of the base, and no evidence.
+    """
+    seen = np.isfinite(of_view).all(axis=1)
+    bases = (station[seen, None] == np.unique(station[seen])).astype(float)
+    alone, free_alone = _left(bases, steps[seen])
+    both, free = _left(np.column_stack([bases, of_view[seen]]), steps[seen])
+    terms = free_alone - free
+    if terms < 1 or free < 1 or not both > 0.0:
+        return 1.0
+    return float(fdtrc(terms, free, (alone - both) / terms / (both / free)))
+
+
+def contents(views: Sequence[ViewEvidence]) -> Float:
+    """(V, 2) median distance along the ray in metres, and logarithm of the mean amplitude, of each view's smooth pixels; NaN without any."""
+    out = np.full((len(views), 2), np.nan)
+    for row, v in zip(out, views, strict=True):
+        if v.smooth.any():
+            row[0] = np.median(v.rendering.depth[v.smooth] * v.frame.length[v.smooth])
+            row[1] = np.log(max(float(np.nanmean(v.frame.amplitude[v.smooth])), 1e-12))
+    return out
+
+
+def means(views: Sequence[ViewEvidence], maps: Sequence[Float]) -> Float:
+    """(V, 1) mean over each view's smooth pixels of an effect's map (H, W), metres; NaN without any."""
+    return np.array([[np.nanmean(m[v.smooth]) if np.isfinite(m[v.smooth]).any() else np.nan] for v, m in zip(views, maps, strict=True)])
+
+
+def _left(columns: Float, steps: Float) -> tuple[float, int]:
+    """Sum of squares that columns (n, k) leave of steps (n,), and its degrees of freedom."""
+    fitted, _, rank, _ = np.linalg.lstsq(columns, steps, rcond=None)
+    return float(((steps - columns @ fitted) ** 2).sum()), len(steps) - int(rank)
