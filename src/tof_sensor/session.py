@@ -57,7 +57,7 @@ class Session:
 
     parts: names of the scene's parts, in the scene's order; has_amplitude: whether any view has an amplitude image; modulated: whether
     noise depends on light, as for time-of-flight cameras, and not on range squared, as for stereo cameras; law: the camera's photon law
-    from `--sensor`; noise: temporal noise by amplitude; posed_apart: whether all poses are independent of depth and have a covariance, as
+    from `--sensor`; noise: temporal noise by amplitude; exposed: whether exposure is automatic; posed_apart: whether all poses are independent of depth and have a covariance, as
     poses from a board's corners do.
     """
 
@@ -67,6 +67,7 @@ class Session:
     modulated: bool = True
     law: PhotonLaw | None = None
     noise: NoiseBins | None = None
+    exposed: bool = False
     posed_apart: bool = False
 
     @property

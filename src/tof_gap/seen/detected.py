@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_gap.seen.finding import Finding
-from tof_gap.seen.photons import binned, variance_of_mean
+from tof_gap.seen.photons import automatic_exposure, binned, code_step, fit_law, variance_of_mean
 from tof_gap.seen.session import session_of
 from tof_sensor.registry import PHYSICAL_ORDER
 
@@ -21,13 +21,14 @@ if TYPE_CHECKING:
     from tof_gap.limits.seen import NoiseLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_sensor.effects.photon_law import PhotonLaw
+    from tof_sensor.session import Session
 
 
 def detected_effects(
     views: Sequence[ViewEvidence], limits: NoiseLimits, law: PhotonLaw | None, left_out: AbstractSet[str] = frozenset()
 ) -> list[Finding]:
     """Findings of all effects' own detectors but those in `left_out`; `law`: the camera's photon law as `--sensor` states it."""
-    session = replace(session_of(views, limits, law=law), noise=binned(views, limits.bins, limits))
+    session = judged(views, limits, law)
     found = [kind.detect(session) for kind in PHYSICAL_ORDER if kind.NAME not in left_out and kind.not_testable(session) is None]
     return [
         Finding(
@@ -41,6 +42,14 @@ def detected_effects(
         for d in found
         if d is not None
     ]
+
+
+def judged(views: Sequence[ViewEvidence], limits: NoiseLimits, law: PhotonLaw | None) -> Session:
+    """The session with its noise by amplitude, and whether exposure is automatic, which matters beside a stated law alone."""
+    bins = binned(views, limits.bins, limits)
+    many = law is not None and len(bins.view) >= limits.least_bins
+    exposed = many and automatic_exposure(bins, fit_law(bins, code_step(views), limits), limits)
+    return replace(session_of(views, limits, law=law), noise=bins, exposed=exposed)
 
 
 def explained(views: Sequence[ViewEvidence], found: Sequence[Finding]) -> list[ViewEvidence]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from tof_gap.seen.detected import judged
 from tof_gap.seen.session import session_of
 from tof_gap.solve.candidate import Candidate
 from tof_sensor.registry import EFFECTS, PHYSICAL_ORDER, VOCABULARY
@@ -34,6 +35,6 @@ def candidates(
 
 def not_testable(views: Sequence[ViewEvidence], noise: NoiseLimits, law: PhotonLaw | None = None) -> dict[str, str]:
     """Effects that the session cannot test, each with what it lacks; law: the photon law that `--sensor` states."""
-    session = session_of(views, noise, law=law)
+    session = judged(views, noise, law)
     reasons = {name: EFFECTS[name].not_testable(session) for name in VOCABULARY}
     return {name: reason for name, reason in reasons.items() if reason is not None}

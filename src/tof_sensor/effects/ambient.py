@@ -99,9 +99,11 @@ class Ambient(Effect):
 
     @classmethod
     def lacks(cls, session: Session) -> str:
-        """An amplitude image, or a photon law to compare with."""
+        """An amplitude image, a photon law to compare with, or one exposure."""
         if not session.has_amplitude:
             return "no amplitude image"
+        if session.exposed:
+            return "exposure is automatic: views are noisier the brighter they are, at the same amplitude"
         return (
             ""
             if session.law is not None

@@ -10,12 +10,14 @@ import pytest
 
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, SIGMA_M, VIEWS, rendering, views
 from tof_gap.limits.seen import EvidenceLimits, LevelLimits, NoiseLimits
+from tof_gap.seen.detected import judged
 from tof_gap.seen.level import depth_step, noise_level
 from tof_gap.seen.noise import _stand_out, noise_effects, without_offsets
 from tof_gap.seen.photons import automatic_exposure, binned, fit_law, own_law, quiet_law, view_ratio
 from tof_gap.seen.residual import gather
 from tof_gap.seen.stereo import like_stereo
 from tof_gap.solve.candidates import not_testable
+from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.session import NoiseBins
@@ -305,6 +307,9 @@ def test_noise_under_automatic_exposure_is_no_effect() -> None:
     ]
     assert noise_effects(seen, LIMITS) == []
     assert noise_effects(seen, replace(LIMITS, exposure_chance=0.0)) != [], "without allowing for exposure"
+    law = PhotonLaw(shot_m=0.001, reference=2000.0)
+    assert "exposure is automatic" in str(Ambient.not_testable(judged(seen, LIMITS, law)))
+    assert Ambient.not_testable(judged(views(rng()), LIMITS, law)) is None
 
 
 def test_bursts_beside_dwells_of_different_length_are_found() -> None:
