@@ -146,6 +146,16 @@ class PixelLimits:
         1e-3, "probability of as many noisy pixels by chance", low=0.0, high=1.0, why="a single pixel in 300 is no evidence"
     )
     views: int = param(8, "views that see the pixel", low=2, why="the median of fewer exceeds `ratio` by chance")
+    confirmed: float = param(
+        0.5,
+        "share of the pixels that are noisy in half of the views and above the usual in the others, beyond chance",
+        low=0.0,
+        high=1.0,
+        why="telegraph pixels: 0.77; long tails of noise in weak light: 0.11 to 0.24",
+    )
+    around_px: int = param(
+        16, "side of the squares whose pixels are compared", unit="px", low=4, high=256, why="a hundred pixels know their median to 10 %"
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from tof_gap.seen.finding import CONFIDENT, Finding, most
 from tof_gap.seen.line_noise import line_map, line_noise, line_noise_by_view
 from tof_gap.seen.pattern import beside_pixels, single_pixels
 from tof_gap.seen.photons import automatic_exposure, binned, code_step, constant_part, fit_law, of_one_capture, quiet_law, view_ratio
-from tof_gap.seen.pixel_noise import noisy_pixels, pixel_pattern
+from tof_gap.seen.pixel_noise import confirmed, noisy_pixels, pixel_pattern
 from tof_gap.seen.stripes import beat, stripes
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.noise import Noise
@@ -240,9 +240,15 @@ def _named(parts: Sequence[Part], views: Sequence[ViewEvidence], floor_std: floa
 
 
 def _noisy(views: Sequence[ViewEvidence], limits: NoiseLimits) -> NoisyPixels | None:
-    """Pixels with a noise of their own; None where they may stand out by chance, or where constant offsets of pixels raise the noise."""
-    found = noisy_pixels(beside_pixels(views, single_pixels(views)), limits.pixels)
-    return found if found.share > limits.pixel_share and found.chance < limits.pixels.chance else None
+    """Pixels with a noise of their own; None where they may stand out by chance, or constant offsets of pixels raise the noise.
+
+    Nor where the halves of the views disagree on them.
+    """
+    beside = beside_pixels(views, single_pixels(views))
+    found = noisy_pixels(beside, limits.pixels)
+    if found.share <= limits.pixel_share or found.chance >= limits.pixels.chance:
+        return None
+    return found if confirmed(beside, limits.pixels) > limits.pixels.confirmed else None
 
 
 def without_noisy_pixels(views: Sequence[ViewEvidence], limits: NoiseLimits) -> Sequence[ViewEvidence]:

@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import label
 from scipy.special import pdtrc
 
-from tof_core.stats import CHI2_MEDIAN, second_differences
+from tof_core.stats import CHI2_MEDIAN, blocks, group_medians, second_differences
 from tof_gap.seen.pattern import in_common
 
 if TYPE_CHECKING:
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 BANDS = 16
 """Bands of rows that are judged one after the other, since the images of all views of a long session take gigabytes."""
+ABOVE = 2.0
+"""Squared deviation over that of quiet pixels that counts as above the usual: a quarter of quiet pixels in half of the views, nearly all noisy ones."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,17 +42,59 @@ class NoisyPixels:
 
 def noisy_pixels(views: Sequence[ViewEvidence], limits: PixelLimits) -> NoisyPixels:
     """Pixels whose variance over the views exceeds the views' noise; constant offsets of pixels are removed from both."""
-    bands = np.array_split(np.arange(views[0].residual.shape[0]), BANDS)
-    known, variance = (np.concatenate(a) for a in zip(*(_over_views(views, rows, limits) for rows in bands), strict=True))
-    quiet = float(np.median(variance[known])) if known.any() else 1.0
-    where = known & (variance > limits.ratio * max(quiet, 1e-12))
+    known, variance = _all_rows(views, limits)
+    quiet = _around(variance, known, limits.around_px)
+    where = known & (variance > limits.ratio * np.maximum(quiet, 1e-12))
     share = float(where.sum() / max(known.sum(), 1))
     # A noisy pixel raises the variance of its neighbours in the row, too: only groups of adjacent pixels are independent.
     groups = label(where)[1]
     chance = float(pdtrc(groups - 1, limits.usual * known.sum())) if groups else 1.0
     light2 = float(np.mean([float(np.median(v.sigma[v.smooth] ** 2)) for v in views if v.smooth.any()] or [0.0]))
-    size2 = (float(variance[where].mean()) - quiet) * light2 if where.any() else 0.0
+    size2 = float((variance - quiet)[where].mean()) * light2 if where.any() else 0.0
     return NoisyPixels(where, share, float(np.sqrt(max(size2, 0.0))), chance)
+
+
+def confirmed(views: Sequence[ViewEvidence], limits: PixelLimits) -> float:
+    """Share of the pixels that are noisy in one half of the views and above the usual in the other half, beyond chance.
+
+    A noisy pixel is so in every view. Where light is weak, noise has long tails: other pixels stand out in each half.
+    """
+    few = replace(limits, views=limits.views // 2)
+    halves = [_all_rows(views[k::2], few) for k in (0, 1)]
+    known = halves[0][0] & halves[1][0]
+    if not known.any():
+        return 0.0
+    relative = [variance[known] / max(float(np.median(variance[known])), 1e-12) for _, variance in halves]
+    both = chance = flagged = 0.0
+    for here, there in (relative, relative[::-1]):
+        noisy, above = here > limits.ratio, there > ABOVE
+        both, chance, flagged = (
+            both + float((noisy & above).sum()),
+            chance + float(noisy.sum() * above.mean()),
+            flagged + float(noisy.sum()),
+        )
+    return (both - chance) / max(flagged - chance, 1.0)
+
+
+def _all_rows(views: Sequence[ViewEvidence], limits: PixelLimits) -> tuple[Mask, Float]:
+    """(H, W) of `_over_views`, band by band."""
+    bands = np.array_split(np.arange(views[0].residual.shape[0]), BANDS)
+    known, variance = (np.concatenate(a) for a in zip(*(_over_views(views, rows, limits) for rows in bands), strict=True))
+    return known, variance
+
+
+def _around(variance: Float, known: Mask, side: int) -> Float:
+    """(H, W) median variance of the pixels in squares of `side`, at least that of all pixels; in squares with few pixels that of all.
+
+    Where the photon law is too low for the light of a whole region, no pixel is noisier than those around it.
+    """
+    if not known.any():
+        return np.ones(variance.shape)
+    groups = blocks(known, side)
+    of_square = group_medians(variance[known], groups.which, len(groups.count), least=side * side // 2)
+    out = np.full(variance.shape, float(np.median(variance[known])))
+    out[known] = np.maximum(out[known], of_square[groups.which])
+    return out
 
 
 def _over_views(views: Sequence[ViewEvidence], rows: Ints, limits: PixelLimits) -> tuple[Mask, Float]:

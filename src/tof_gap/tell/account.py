@@ -16,6 +16,8 @@ from tof_gap.seen.foreign_light import ALONG, along_the_view, drifts_by_chance, 
 from tof_gap.seen.lost_by_line import lost_by_lines
 from tof_gap.tell.figures import figures
 from tof_sensor.effect import Evidence
+from tof_sensor.effects.ambient import Ambient
+from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.effects.interference import Interference
@@ -176,7 +178,16 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     uneven = [*([] if foreign is None else [foreign]), *noise.noise_effects(beside, config.noise, taken, law, unmerged=unmerged)]
     by_lines = any(f.name == Dropout.NAME for f in gone) and lost_by_lines(left, lines, config.missing)
     kept = (f for f in gone if not (filtered(f, [*uneven, *gone]) or (by_lines and f.name == Dropout.NAME)))
-    return (*light, *uneven, *kept)
+    return (*(f for f in light if not of_lost_charge(f, solved)), *uneven, *kept)
+
+
+def of_lost_charge(found: Finding, solved: Solved) -> bool:
+    """Whether noise beyond the photon law is what charge that is held back leaves, as one cause of `amplitude_bias` does.
+
+    Traps take a constant charge from the signal, not from its photons: of the same amplitude, dark pixels then have more photon noise, in
+    excess by 1 / A^2, as read-out noise has. Foreign light off the surfaces has another excess.
+    """
+    return isinstance(found.effect, Ambient) and found.effect.like_read_out and solved.names(AmplitudeBias.NAME)
 
 
 def _arms_silent(solved: Solved, left_out: AbstractSet[str]) -> bool:

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pixels with a noise of their own: those around them are quiet, and both halves of the views show them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tof_gap.limits.seen import NoiseLimits, PixelLimits
+from tof_gap.seen.noise import noise_effects
+from tof_gap.seen.pixel_noise import confirmed, noisy_pixels
+
+LIMITS = PixelLimits()
+
+
+def noise() -> np.ndarray:
+    """(V, H, W) of unit variance."""
+    return np.random.default_rng(7).standard_normal((VIEWS, *SHAPE))
+
+
+def test_pixels_that_are_noisy_in_every_view_are_confirmed_by_both_halves() -> None:
+    where = np.random.default_rng(3).random(SHAPE) < 0.02
+    seen = views(np.random.default_rng(2), 0.03 * noise() * where)
+    found = noisy_pixels(seen, LIMITS)
+    assert (found.where & where).sum() > 0.9 * where[5:-5, 5:-5].sum()
+    assert found.size_m == pytest.approx(0.03, rel=0.5)
+    assert confirmed(seen, LIMITS) > 0.8
+
+
+def test_pixels_with_long_tails_that_differ_from_view_to_view_are_not_confirmed() -> None:
+    tails = np.random.default_rng(5).random((VIEWS, *SHAPE)) < 0.3
+    seen = views(np.random.default_rng(2), 0.02 * noise() * tails)[:8]
+    assert noisy_pixels(seen, LIMITS).share > NoiseLimits().pixel_share
+    assert confirmed(seen, LIMITS) < 0.2
+    assert not [f for f in noise_effects(seen, NoiseLimits()) if f.own_noise is not None]
+
+
+def test_a_region_that_is_noisier_than_its_law_has_no_noisy_pixels() -> None:
+    """A corner of 48 x 48 pixels with three times the noise that is predicted: no pixel of it is noisier than those around it."""
+    seen = views(np.random.default_rng(2))
+    low = np.ones(SHAPE)
+    low[:48, :48] = 1 / 3
+    seen = [replace(v, sigma=v.sigma * low) for v in seen]
+    assert noisy_pixels(seen, replace(LIMITS, around_px=256)).share > NoiseLimits().pixel_share
+    assert noisy_pixels(seen, LIMITS).share < 0.001
+
+
+def test_views_that_see_nothing_have_no_noisy_pixels() -> None:
+    blind = [replace(v, smooth=np.zeros(SHAPE, bool)) for v in views(np.random.default_rng(2))]
+    assert noisy_pixels(blind, LIMITS).share == 0.0
+    assert confirmed(blind, LIMITS) == 0.0
