@@ -43,7 +43,7 @@ def test_a_region_that_is_noisier_than_its_law_has_no_noisy_pixels() -> None:
     seen = views(np.random.default_rng(2))
     low = np.ones(SHAPE)
     low[:48, :48] = 1 / 3
-    seen = [replace(v, sigma=v.sigma * low) for v in seen]
+    seen = tuple(replace(v, sigma=v.sigma * low) for v in seen)
     assert noisy_pixels(seen, replace(LIMITS, around_px=256)).share > NoiseLimits().pixel_share
     assert noisy_pixels(seen, LIMITS).share < 0.001
 
