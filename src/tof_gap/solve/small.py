@@ -5,10 +5,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tof_gap.solve.worth import rescored, visible_m, worth
 from tof_sensor.effects.motion import Motion
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from tof_gap.solve.judge import Hypothesis, Selector
 
 
@@ -16,8 +20,8 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
     """The hypothesis without small effects beyond the second effect, and the names of these effects if together they explain much.
 
     Several small effects together fit almost any error, and so many causes at once are unlikely. Very small ones only correct errors of
-    the others' maps. An effect is small if it explains little of what all effects explain and little of what they leave: beside a
-    constant of centimetres, a curve of millimetres may still halve the rest. A wrong lens explains little, since the lens within the
+    the others' maps. An effect is small if it explains little of what all effects explain, little of what they leave, noise included,
+    and, as the third, little of the error that neighbours still share: beside a constant of centimetres, a curve of millimetres may still halve the rest. A wrong lens explains little, since the lens within the
     stated calibration absorbs it; it stays if that lens would otherwise contradict its calibration. Motion explains most at edges, where
     nothing is fitted: it is judged there, once the solution is closed (`conclude`).
     """
@@ -30,16 +34,29 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
         others = [i for i, m in enumerate(current.members) if judge.design.candidates[m].name not in names]
         beside = float(worth(judge, current)[0][others].clip(0.0).sum()) if others else 0.0
         least = min((name for name in names if not judge.needed_by_calibration(name, current)), key=lost.__getitem__)
+        without = judge.design.without(current.members, least)
         if lost[least] >= min(judge.config.small_share * (sum(lost.values()) + beside), judge.config.small_left * current.score):
             break
+        third = len(names) == judge.config.named_freely + 1  # More of them leave nothing of any error.
+        if third and takes(judge, current.members, without) > judge.config.small_shared:
+            break
         small.append(least)
-        current = rescored(judge, judge.design.without(current.members, least))
+        current = rescored(judge, without)
     if not set(small) - {judge.design.candidates[m].name for m in current.members}:
         return whole, ()  # The same effect on a second part is no further cause.
     without = judge.score(current.members, whole.inflate).score - whole.score
     explained = judge.score((), whole.inflate).score - whole.score
     much = without > judge.config.small_together * explained
     return current, tuple(small) if much and visible_m(judge, whole, without) > judge.config.least_mm * 1e-3 else ()
+
+
+def takes(judge: Selector, members: Sequence[int], without: Sequence[int]) -> float:
+    """Share of the error that neighbouring pixels share beside the members `without` that all `members` do not leave, 0 to 1.
+
+    The factor by which such error inflates the noise (`Selector.inflation`) is 1 where none is left.
+    """
+    beside = judge.inflation(without) - 1.0
+    return float(np.clip((beside + 1.0 - judge.inflation(members)) / beside, 0.0, 1.0)) if beside > 0.0 else 0.0
 
 
 def _names(judge: Selector, current: Hypothesis) -> list[str]:

@@ -132,7 +132,7 @@ def test_a_small_effect_that_takes_much_of_what_is_left_is_no_coincidence() -> N
     effects = plain(RangeOffset(), DepthScale(), Wiggling())
     d = design(effects, [6.0, 3.0, 0.9])
     assert names(d, select(d, SelectLimits()).chosen.members) == ["depth_scale", "range_offset", "wiggling"]
-    assert names(d, select(d, SelectLimits(small_left=1e6)).chosen.members) == ["depth_scale", "range_offset"]
+    assert names(d, select(d, SelectLimits(small_left=1e6, small_shared=1.0)).chosen.members) == ["depth_scale", "range_offset"]
 
 
 def test_who_wins_but_a_little_of_what_could_be_taken_from_others_mends_them_and_is_not_there() -> None:

@@ -32,6 +32,24 @@ def test_a_third_effect_that_explains_little_is_told_where_it_is_much_of_all(
     assert small_ones == (told if small > 0.06 * (NOTHING - left) else ())
 
 
+def test_a_third_effect_that_takes_most_of_what_neighbours_share_is_no_coincidence() -> None:
+    """c wins 70 of 870, and 70 beside 600. The errors that neighbours share inflate the noise by 4 without it, by 1.5 or 3 with it."""
+    scores = {"abc": 600.0, "ab": 670.0, "ac": 1000.0, "bc": 1000.0}
+    for with_it, kept in ((1.5, "abc"), (3.0, "ab")):
+        judge: Any = Judge(scores, least_mm=0.1)
+        judge.inflation = lambda members, with_it=with_it: with_it if len(members) == 3 else 4.0
+        assert small_room.takes(judge, (0, 1, 2), (0, 1)) == pytest.approx((4.0 - with_it) / 3.0)
+        assert named(judge, without_small(judge, hypothesis(judge, "abc"))[0]) == kept
+
+
+def test_of_four_effects_the_smallest_has_no_such_excuse() -> None:
+    """Four effects together leave nothing of any error."""
+    scores = {"abcd": 600.0, "abc": 670.0, "abd": 1000.0, "acd": 1000.0, "bcd": 1000.0, "ab": 1500.0, "ac": 1500.0, "bc": 1500.0}
+    judge: Any = Judge(scores, least_mm=0.1)
+    judge.inflation = lambda members: 5.0 - len(members)
+    assert named(judge, without_small(judge, hypothesis(judge, "abcd"))[0]) == "abc"
+
+
 def test_a_wrong_lens_stays_however_little_it_shows_and_counts_as_one_of_the_effects() -> None:
     """Of a, b and the lens c, c explains least, as the lens that is freed takes its pixels; b is next."""
     scores = {"abc": 600.0, "ab": 614.0, "ac": 640.0, "bc": 1000.0, "a": 660.0}
