@@ -83,9 +83,11 @@ def _waves(view: ViewEvidence, limits: BeatLimits) -> NDArray[np.complex128]:
 
 
 def stripes(view: ViewEvidence, turns: float, tilt: float, limits: BeatLimits) -> Float:
-    """(H, W) metres along the ray of a view's stripes: waves near the frequency (turns, tilt), fitted to the view itself."""
+    """(H, W) metres along the ray of a view's stripes: waves near the frequency (turns, tilt), fitted to the view itself; 0 in a view of few cells."""
     h, w = view.residual.shape
     y, x, r, white = _cell_means(view, limits)
+    if len(r) < limits.cells:
+        return np.zeros((h, w))
     waves = [(f, tilt) for f in np.arange(turns - limits.band, turns + limits.band + 0.1, 0.5)]
     weak = weakness(view, limits.cosine)
 

@@ -339,6 +339,9 @@ def test_stripes_in_some_views_are_interference() -> None:
     hit = np.isin(np.arange(VIEWS), (0, 2, 3, 7, 8))[:, None, None]
     wave = 0.004 * np.sin(2 * np.pi * 8 * row + phase) * hit * np.ones((1, 1, SHAPE[1]))
     assert said(wave) == [("interference", "stripes of 8 turns in 5 of 12 views")]
+    seen = list(views(rng(), wave))
+    seen[1] = replace(seen[1], smooth=np.zeros(SHAPE, bool))
+    assert [f.name for f in noise_effects(seen, LIMITS)] == ["interference"], "beside a view that sees nothing"
 
 
 def test_a_stereo_camera_is_told_by_its_scatter() -> None:
