@@ -179,11 +179,11 @@ class SelectLimits:
         why="clearly more would remain without it: no coincidence",
     )
     small_shared: float = param(
-        0.67,
-        "share of the error that neighbours share beside two other effects, which suffices for a third",
+        0.5,
+        "share of the variance of means beside two other effects, noise included, which suffices for a third",
         low=0.0,
         high=1.0,
-        why="errors of the others' maps are left beside an effect that only corrects them: those take 0.28 at most, a true third 0.82",
+        why="errors of the others' maps are left beside an effect that only corrects them: those take 0.25 at most, a true third 0.6",
     )
     small_together: float = param(
         0.06, "share of the explained chi-square that such effects may explain together", low=0.0, high=1.0, why="beyond, it is `unknown`"

@@ -5,8 +5,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from tof_gap.solve.worth import rescored, visible_m, worth
 from tof_sensor.effects.motion import Motion
 
@@ -51,12 +49,11 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
 
 
 def takes(judge: Selector, members: Sequence[int], without: Sequence[int]) -> float:
-    """Share of the error that neighbouring pixels share beside the members `without` that all `members` do not leave, 0 to 1.
+    """Share of the variance of means, noise and errors that neighbours share, beside the members `without` that all `members` do not leave.
 
-    The factor by which such error inflates the noise (`Selector.inflation`) is 1 where none is left.
+    The variance is that of `Selector.inflation`, in units of the noise: where no such error is left, an effect takes nothing.
     """
-    beside = judge.inflation(without) - 1.0
-    return float(np.clip((beside + 1.0 - judge.inflation(members)) / beside, 0.0, 1.0)) if beside > 0.0 else 0.0
+    return max(1.0 - judge.inflation(members) / judge.inflation(without), 0.0)
 
 
 def _names(judge: Selector, current: Hypothesis) -> list[str]:

@@ -33,12 +33,12 @@ def test_a_third_effect_that_explains_little_is_told_where_it_is_much_of_all(
 
 
 def test_a_third_effect_that_takes_most_of_what_neighbours_share_is_no_coincidence() -> None:
-    """c wins 70 of 870, and 70 beside 600. The errors that neighbours share inflate the noise by 4 without it, by 1.5 or 3 with it."""
+    """c wins 70 of 870, and 70 beside 600. The errors that neighbours share inflate the variance by 4 without it, by 1.5 or 3 with it."""
     scores = {"abc": 600.0, "ab": 670.0, "ac": 1000.0, "bc": 1000.0}
     for with_it, kept in ((1.5, "abc"), (3.0, "ab")):
         judge: Any = Judge(scores, least_mm=0.1)
         judge.inflation = lambda members, with_it=with_it: with_it if len(members) == 3 else 4.0
-        assert small_room.takes(judge, (0, 1, 2), (0, 1)) == pytest.approx((4.0 - with_it) / 3.0)
+        assert small_room.takes(judge, (0, 1, 2), (0, 1)) == pytest.approx((4.0 - with_it) / 4.0)
         assert named(judge, without_small(judge, hypothesis(judge, "abc"))[0]) == kept
 
 
