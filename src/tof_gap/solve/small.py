@@ -32,14 +32,14 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
         others = [i for i, m in enumerate(current.members) if judge.design.candidates[m].name not in names]
         beside = float(worth(judge, current)[0][others].clip(0.0).sum()) if others else 0.0
         least = min((name for name in names if not judge.needed_by_calibration(name, current)), key=lost.__getitem__)
-        without = judge.design.without(current.members, least)
+        rest = judge.design.without(current.members, least)
         if lost[least] >= min(judge.config.small_share * (sum(lost.values()) + beside), judge.config.small_left * current.score):
             break
         third = len(names) == judge.config.named_freely + 1  # More of them leave nothing of any error.
-        if third and takes(judge, current.members, without) > judge.config.small_shared:
+        if third and takes(judge, current.members, rest) > judge.config.small_shared:
             break
         small.append(least)
-        current = rescored(judge, without)
+        current = rescored(judge, rest)
     if not set(small) - {judge.design.candidates[m].name for m in current.members}:
         return whole, ()  # The same effect on a second part is no further cause.
     without = judge.score(current.members, whole.inflate).score - whole.score
