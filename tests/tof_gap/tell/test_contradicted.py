@@ -41,7 +41,7 @@ def account(left: np.ndarray, **maps: np.ndarray) -> Any:
     )
     named = [SimpleNamespace(name=name, suspected=False, confidence=1.0) for name in maps]
     solved = SimpleNamespace(evidence=seen, bare=seen, maps=figures.maps, named=named, split=SimpleNamespace(held_out=HELD))
-    return SimpleNamespace(solved=solved, figures=figures, findings=())
+    return SimpleNamespace(solved=solved, figures=figures, findings=(), follows=False)
 
 
 def test_a_map_that_takes_all_of_the_error_leaves_no_share() -> None:
@@ -97,6 +97,21 @@ def test_an_uneven_cause_is_contradicted_unless_foreign_light_is_there(monkeypat
     assert taken_out(found, GapConfig()) == TakenOut("lens_scatter", contradicted=True)
     found.findings = (SimpleNamespace(effect=Interference(burst_m=0.002)),)
     assert taken_out(found, GapConfig()) == TakenOut("lens_scatter", contradicted=False)
+
+
+def test_a_cause_whose_means_over_the_views_the_steps_follow_is_contradicted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A scale that grows from view to view, and steps of the camera that grow with it: between views it has another size than within."""
+    found = account(np.zeros(SHAPE), depth_scale=ramp(0.003, 0), wiggling=ramp(0.003, 1))
+    found.solved.maps = {"depth_scale": [np.full(SHAPE, 1e-3 * k) for k in range(VIEWS)], "wiggling": found.solved.maps["wiggling"]}
+    found.solved.arms_sd, found.solved.chain = np.ones((VIEWS, 6)), SimpleNamespace(station=np.zeros(VIEWS, int))
+    found.solved.arms = np.random.default_rng(4).normal(0, 0.1, (VIEWS, 6)) + np.arange(VIEWS)[:, None]
+    for test in ("unfounded", "contradicted", "uneven"):
+        monkeypatch.setattr(room, test, lambda *_: None)
+    assert taken_out(found, GapConfig()) is None, "the steps do not follow what the views contain"
+    found.follows = True
+    assert taken_out(found, GapConfig()) == TakenOut("depth_scale", contradicted=True)
+    found.findings = (SimpleNamespace(effect=Interference(burst_m=0.002)),)
+    assert taken_out(found, GapConfig()) is None, "beside another camera's light, steps are its own"
 
 
 def test_a_cause_that_few_resampled_sets_of_views_choose_is_taken_out(monkeypatch: pytest.MonkeyPatch) -> None:

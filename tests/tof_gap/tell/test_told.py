@@ -60,6 +60,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Finding, ...]]:
     monkeypatch.setattr(room, "figures", figures)
     monkeypatch.setattr(room, "give_back", lambda: None)
     monkeypatch.setattr(room, "_findings", lambda *_: (FOUND,))
+    monkeypatch.setattr(room, "contents", lambda _: np.arange(20.0)[:, None])
     return asked
 
 
@@ -71,6 +72,8 @@ SOLVED: Any = SimpleNamespace(
     names=lambda _: False,
     arms=np.ones((20, 6)),
     arms_sd=np.ones((20, 6)),
+    evidence=(),
+    chain=SimpleNamespace(station=np.zeros(20, int)),
 )
 CONFIG: Any = SimpleNamespace(report=ReportLimits(), noise=SimpleNamespace(foreign_light=ForeignLightLimits()))
 
@@ -86,6 +89,17 @@ def test_arms_that_err_along_the_view_alone_are_pushed(
     arms = np.ones((20, 6)) * np.array([1, 1, along, 1, 1, 1])
     solved: Any = SimpleNamespace(**{**vars(SOLVED), "arms": arms})
     assert account(solved, CONFIG, NOTHING, left_out=frozenset(left_out)).pushed is pushed
+
+
+@pytest.mark.parametrize(("left_out", "follows"), [((), True), (("hand_eye",), False)])
+def test_arms_that_follow_the_views_are_stated(counted: list[Any], left_out: tuple[str, ...], *, follows: bool) -> None:
+    del counted
+    arms = np.random.default_rng(1).normal(0, 0.1, (20, 6))
+    assert not account(SimpleNamespace(**{**vars(SOLVED), "arms": arms}), CONFIG, NOTHING).follows  # type: ignore[arg-type]
+    arms[:, 2] += np.linspace(-1.0, 1.0, 20)
+    solved: Any = SimpleNamespace(**{**vars(SOLVED), "arms": arms})
+    assert account(solved, CONFIG, NOTHING, left_out=frozenset(left_out)).follows is follows
+    assert not account(solved, CONFIG, NOTHING, alone=True).follows, "too few views"
 
 
 def test_a_cause_is_what_it_does_alone_and_what_is_left_without_it(counted: list[Any]) -> None:
@@ -123,7 +137,7 @@ def test_sizes_of_named_effects_add_in_squares() -> None:
 LINES_M = 1e-4
 
 
-def detectors(monkeypatch: pytest.MonkeyPatch, **given: Any) -> dict[str, Any]:
+def detectors(monkeypatch: pytest.MonkeyPatch, *, follow: bool = False, **given: Any) -> dict[str, Any]:
     """Each detector says what is given; what they were told is kept."""
     told: dict[str, Any] = {}
 
@@ -139,6 +153,7 @@ def detectors(monkeypatch: pytest.MonkeyPatch, **given: Any) -> dict[str, Any]:
     monkeypatch.setattr(detected, "explained", lambda left, light: (left, light))
     monkeypatch.setattr(room, "foreign_light", says("foreign", None))
     monkeypatch.setattr(room, "foreign_lamp", says("lamp", None))
+    monkeypatch.setattr(room, "_arms_follow", lambda *_: follow)
     monkeypatch.setattr(missing, "missing_effects", says("gone", []))
     monkeypatch.setattr(noise, "noise_effects", says("noise", []))
     monkeypatch.setattr(noise, "lines_found", lambda _views, _limits: ["rows"])
@@ -166,6 +181,9 @@ def test_foreign_light_is_a_finding_that_noise_does_not_name_again(monkeypatch: 
     told = detectors(monkeypatch, noise=[FOUND])
     assert findings_of() == (FOUND,)
     assert told["noise"][2] == frozenset()
+    told = detectors(monkeypatch, foreign=LIGHT, follow=True)
+    assert findings_of() == (), "arm errors that follow the views"
+    assert "foreign" not in told
 
 
 @pytest.mark.parametrize(("posed_m", "named"), [(1.33e-3, False), (1.35e-3, True)])
