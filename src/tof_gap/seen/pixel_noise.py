@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,7 +42,7 @@ class NoisyPixels:
 
 def noisy_pixels(views: Sequence[ViewEvidence], limits: PixelLimits) -> NoisyPixels:
     """Pixels whose variance over the views exceeds the views' noise; constant offsets of pixels are removed from both."""
-    known, variance = _all_rows(views, limits)
+    known, variance = _all_rows(views, limits.views)
     quiet = _around(variance, known, limits.around_px)
     where = known & (variance > limits.ratio * np.maximum(quiet, 1e-12))
     share = float(where.sum() / max(known.sum(), 1))
@@ -59,8 +59,7 @@ def confirmed(views: Sequence[ViewEvidence], limits: PixelLimits) -> float:
 
     A noisy pixel is so in every view. Where light is weak, noise has long tails: other pixels stand out in each half.
     """
-    few = replace(limits, views=limits.views // 2)
-    halves = [_all_rows(views[k::2], few) for k in (0, 1)]
+    halves = [_all_rows(views[k::2], limits.views // 2) for k in (0, 1)]
     known = halves[0][0] & halves[1][0]
     if not known.any():
         return 0.0
@@ -76,10 +75,10 @@ def confirmed(views: Sequence[ViewEvidence], limits: PixelLimits) -> float:
     return (both - chance) / max(flagged - chance, 1.0)
 
 
-def _all_rows(views: Sequence[ViewEvidence], limits: PixelLimits) -> tuple[Mask, Float]:
+def _all_rows(views: Sequence[ViewEvidence], least: int) -> tuple[Mask, Float]:
     """(H, W) of `_over_views`, band by band."""
     bands = np.array_split(np.arange(views[0].residual.shape[0]), BANDS)
-    known, variance = (np.concatenate(a) for a in zip(*(_over_views(views, rows, limits) for rows in bands), strict=True))
+    known, variance = (np.concatenate(a) for a in zip(*(_over_views(views, rows, least) for rows in bands), strict=True))
     return known, variance
 
 
@@ -97,11 +96,11 @@ def _around(variance: Float, known: Mask, side: int) -> Float:
     return out
 
 
-def _over_views(views: Sequence[ViewEvidence], rows: Ints, limits: PixelLimits) -> tuple[Mask, Float]:
-    """(rows, W) pixels that enough views see, and the variance of each over the views, relative to that of its neighbours."""
+def _over_views(views: Sequence[ViewEvidence], rows: Ints, least: int) -> tuple[Mask, Float]:
+    """(rows, W) pixels that `least` views see, and the variance of each over the views, relative to that of its neighbours."""
     high, sigma = (np.stack(a) for a in zip(*(_against_neighbours(v, rows) for v in views), strict=True))
     seen = np.isfinite(high)
-    known = seen.sum(axis=0) >= limits.views
+    known = seen.sum(axis=0) >= least
     weight = np.where(seen, sigma**-2, 0.0)
     constant = (weight * np.where(seen, high, 0.0)).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-12)
     centred = np.where(seen, (high - constant) / sigma, 0.0)
