@@ -2,7 +2,8 @@
 """Steps of the camera along its optical axis that follow the views: an arm's errors know neither how far nor how bright the parts are.
 
 A depth error that no effect of the solution describes is absorbed by the poses as far as it is alike over a view. Its share in a step then
-follows what the view contains. Errors of the arm do not, nor does another camera's light, whose phase is new in every capture.
+follows what the view contains. Errors of the arm do not, nor does another camera's light, whose phase is new in every capture. A mount or
+an arm that gives way under the weight of the camera turns it by an amount that follows the attitude of the hand.
 """
 
 from __future__ import annotations
@@ -45,6 +46,19 @@ def contents(views: Sequence[ViewEvidence]) -> Float:
             row[0] = np.median(v.rendering.depth[v.smooth] * v.frame.length[v.smooth])
             row[1] = np.log(max(float(np.nanmean(v.frame.amplitude[v.smooth])), 1e-12))
     return out
+
+
+def chance_of_sagging(turns: Float, cameras: Float, station: Ints) -> float:
+    """Probability that turns follow the attitude of the hand as closely as they do by chance, for the axis that follows it most.
+
+    Args:
+        turns: (V, 3) turns of arm errors about the camera's axes, over their standard deviations by the robot's prior.
+        cameras: (V, 4, 4) T_cell_camera; the cell's z axis is vertical (REP 103).
+        station: (V,) of each view.
+    """
+    down = -cameras[:, 2, :3]
+    least = min(chance_of_following(of_axis, down, station) for of_axis in turns.T)
+    return min(1.0, len(turns.T) * least)
 
 
 def means(views: Sequence[ViewEvidence], maps: Sequence[Float]) -> Float:

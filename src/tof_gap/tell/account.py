@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_core.memory import give_back
 from tof_gap.seen import detected, missing, noise
-from tof_gap.seen.arm_steps import chance_of_following, contents
+from tof_gap.seen.arm_steps import chance_of_following, chance_of_sagging, contents
 from tof_gap.seen.foreign_lamp import foreign_lamp
 from tof_gap.seen.foreign_light import ALONG, along_the_view, drifts_by_chance, foreign_light
 from tof_gap.seen.lost_by_line import lost_by_lines
@@ -61,7 +61,7 @@ class Account:
     causes: effects of the solution, each with its figures on held-out views; findings: effects that noise, loss or edges show;
     figures: the arrays that every figure is computed from; gap: before and after all asserted effects; pushed: whether arm errors
     along the optical axis exceed the robot's prior and no named effect explains them; follows: whether they follow distance and
-    amplitude of the views, as a depth error does that the poses absorb.
+    amplitude of the views, as a depth error does that the poses absorb; sags: whether turns of the camera follow the hand's attitude.
     """
 
     solved: Solved
@@ -71,6 +71,7 @@ class Account:
     gap: Shrink
     pushed: bool = False
     follows: bool = False
+    sags: bool = False
 
     def names(self, *, causes: bool) -> set[str]:
         """Names for the verdict: causes and findings; without `causes`, only the findings that were not read off structure."""
@@ -125,7 +126,8 @@ def account(
     )
     silent = alone or _arms_silent(solved, left_out) or any(isinstance(f.effect, Interference) for f in findings)
     pushed = not silent and along_the_view(solved.arms, solved.arms_sd, config.noise.foreign_light)
-    return Account(solved, causes, findings, counted, gap, pushed, not alone and _arms_follow(solved, config, left_out))
+    follows, sags = (not alone and test(solved, config, left_out) for test in (_arms_follow, _arms_sag))
+    return Account(solved, causes, findings, counted, gap, pushed, follows, sags)
 
 
 def unfounded(found: Account, limits: ForeignLightLimits) -> str | None:
@@ -200,6 +202,14 @@ def _arms_follow(solved: Solved, config: GapConfig, left_out: AbstractSet[str]) 
     if _arms_silent(solved, left_out):
         return False
     chance = chance_of_following(steps_along(solved), contents(solved.evidence), solved.chain.station)
+    return chance < config.noise.foreign_light.chance_follows
+
+
+def _arms_sag(solved: Solved, config: GapConfig, left_out: AbstractSet[str]) -> bool:
+    """Whether turns of the camera by arm errors follow the attitude of the hand."""
+    if _arms_silent(solved, left_out):
+        return False
+    chance = chance_of_sagging((solved.arms / solved.arms_sd)[:, 3:], solved.cameras, solved.chain.station)
     return chance < config.noise.foreign_light.chance_follows
 
 

@@ -13,6 +13,7 @@ from tof_gap.tell.account import steps_along, unfounded
 from tof_gap.tell.block_means import block_means, unbiased2
 from tof_gap.tell.by_view import uneven
 from tof_gap.tell.figures import away_from_edges
+from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.effects.interference import Interference
 from tof_sensor.registry import EFFECTS
 
@@ -49,6 +50,8 @@ def taken_out(found: Account, config: GapConfig) -> TakenOut | None:
     foreign = any(isinstance(f.effect, Interference) for f in found.findings)
     if (name := uneven(found, limit, config.noise)) is not None:
         return TakenOut(name, contradicted=not foreign and name not in suspected)
+    if found.sags and found.solved.names(HandEye.NAME):  # The camera's place on the hand changes with attitude: it is no constant.
+        return TakenOut(HandEye.NAME, contradicted=True)
     if not foreign and (name := absorbed(found, config.noise.foreign_light)) is not None:
         return TakenOut(name, contradicted=name not in suspected)
     return None if (name := unchosen(found, limit)) is None else TakenOut(name, contradicted=True)

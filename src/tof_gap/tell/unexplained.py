@@ -37,6 +37,8 @@ EDGES = "edge_px"
 """What the error of a filter that smears edges depends on."""
 VIEWED = "viewed"
 """What arm errors depend on if they follow distance and amplitude of the views."""
+ATTITUDE = "attitude"
+"""What turns of the camera depend on if its mount or the arm gives way."""
 HAND = "hand"
 """The quantity that arm errors depend on if all views share them or they lie along the optical axis: the camera's place on the hand."""
 
@@ -72,6 +74,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     - Only a free function of an observable describes the error, or small effects explain much only together.
     - The joint fit leaves a share of the chi-square that it was to explain.
     - Arm errors are alike in every view, or lie along the optical axis and exceed the robot's prior, or follow the views there.
+    - Turns of the camera by arm errors follow the hand's attitude.
     - An effect that explained some of the gap was taken out as `contradicted`, and more than errors of a healthy camera and of maps is left.
     - A filter in the camera smears edges.
     """
@@ -88,7 +91,12 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     # No model of motion describes surfaces that appear and vanish beside edges while the hand moves.
     reach = missing.edge_reach_px if Motion.NAME in solved.maps else 0
     gross = 0.0 if gross_named else min(gross_share(v, _explained(figures), reach) for v in (views, solved.linearised))
-    signs = {HAND: solved.arms_alike > limit.arms or found.pushed, VIEWED: found.follows, EDGES: smeared(solved.bare, missing)}
+    signs = {
+        HAND: solved.arms_alike > limit.arms or found.pushed,
+        VIEWED: found.follows,
+        ATTITUDE: found.sags,
+        EDGES: smeared(solved.bare, missing),
+    }
     depends_on = (*solved.depends_on, *(name for name, seen in signs.items() if seen))
     gone = _lost_pixels(found, len(scene.parts), missing)
     least_mm = limit.alone_mm if all(EFFECTS[name].EXACT for name in solved.maps) else limit.mm

@@ -23,6 +23,7 @@ GOES_WITH = {
     "temperature_c": "temperature",
     "hand": "the camera's place on the hand",
     "viewed": "distance and brightness of the view",
+    "attitude": "the hand's attitude, as where its mount or the arm gives way",
     "stray_light": "stray light over the returned light",
 }
 """Words for observables whose names are no words of a reader."""
@@ -74,12 +75,14 @@ def todo(content: dict[str, Any]) -> list[str]:
             "The pixels of such objects are left out already."
         )
     if "unknown" in content["verdict"]:
-        lines.append(where_to_look(content["unexplained"]["where"]))
+        lines.append(where_to_look(content["unexplained"]["where"], content["unexplained"].get("depends_on", ())))
     return lines + [f"Capture: {line}." for line in content["advice"]]
 
 
-def where_to_look(where: Sequence[str]) -> str:
-    """What to do about the unexplained gap; `where`: parts that carry it."""
+def where_to_look(where: Sequence[str], depends_on: Sequence[str] = ()) -> str:
+    """What to do about the unexplained gap; `where`: parts that carry it; `depends_on`: quantities that it varies with."""
+    if "attitude" in depends_on:
+        return "Check the camera's mount and the arm for play: the camera turns under its own weight as the hand turns."
     if where:
         return f"Look at {listed(where[:3])}: no effect known here explains the error there. Check whether it is as drawn and in its place, and whether it is glossy, wet or transparent."
     return "Look at the maps of the report: no effect known here explains the error that is left, and it lies on no part in particular."

@@ -206,7 +206,7 @@ def summary(d: Diagnosis) -> str:
     lines += [f"  {f.name}: confidence {f.confidence:.2f}" + (f", {f.note}" if f.note and not f.size else "") for f in d.findings]
     if d.unexplained.structured:
         left = unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes))
-        lines.append(f"unexplained: {left} To do: {where_to_look(d.unexplained.where)}")
+        lines.append(f"unexplained: {left} To do: {where_to_look(d.unexplained.where, d.unexplained.depends_on)}")
     lines += world_lines(d.world)
     if d.stray:
         lines.append(f"left out: {of_views(d.stray)}, whose depth fits the CAD only at poses where the arm cannot have been")

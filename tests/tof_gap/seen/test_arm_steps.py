@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
-from tof_gap.seen.arm_steps import chance_of_following, contents, means
+from tof_core.se3 import exp
+from tof_gap.seen.arm_steps import chance_of_following, chance_of_sagging, contents, means
 
 ONE_STATION = np.zeros(VIEWS, np.int64)
 SEEN = views(np.random.default_rng(1))
@@ -52,3 +53,15 @@ def test_contents_are_distance_and_brightness_and_a_view_without_pixels_does_not
 def test_the_mean_of_a_map_is_that_of_the_smooth_pixels() -> None:
     maps = [np.where(v.smooth, 0.001 * k, np.nan) for k, v in enumerate(SEEN)]
     assert means(SEEN, maps)[:, 0] == pytest.approx(0.001 * np.arange(VIEWS))
+
+
+def test_a_camera_that_its_weight_turns_follows_the_attitude_of_the_hand() -> None:
+    """The hand turns about its horizontal axis; the camera nods by what its weight does across the mount."""
+    rng, nod = np.random.default_rng(6), np.linspace(-0.8, 0.8, VIEWS)
+    cameras = np.stack([exp([0.0, 0.0, 1.0, angle, 0.0, 0.0]) for angle in nod])
+    turns = rng.normal(0, 0.1, (VIEWS, 3))
+    assert chance_of_sagging(turns, cameras, ONE_STATION) > 0.01
+    turns[:, 0] += np.sin(nod)
+    assert chance_of_sagging(turns, cameras, ONE_STATION) < 1e-5
+    upright = np.tile(np.eye(4), (VIEWS, 1, 1))
+    assert chance_of_sagging(turns, upright, ONE_STATION) == 1.0, "one attitude shows nothing"

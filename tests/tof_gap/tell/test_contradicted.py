@@ -41,7 +41,7 @@ def account(left: np.ndarray, **maps: np.ndarray) -> Any:
     )
     named = [SimpleNamespace(name=name, suspected=False, confidence=1.0) for name in maps]
     solved = SimpleNamespace(evidence=seen, bare=seen, maps=figures.maps, named=named, split=SimpleNamespace(held_out=HELD))
-    return SimpleNamespace(solved=solved, figures=figures, findings=(), follows=False)
+    return SimpleNamespace(solved=solved, figures=figures, findings=(), follows=False, sags=False)
 
 
 def test_a_map_that_takes_all_of_the_error_leaves_no_share() -> None:
@@ -112,6 +112,16 @@ def test_a_cause_whose_means_over_the_views_the_steps_follow_is_contradicted(mon
     assert taken_out(found, GapConfig()) == TakenOut("depth_scale", contradicted=True)
     found.findings = (SimpleNamespace(effect=Interference(burst_m=0.002)),)
     assert taken_out(found, GapConfig()) is None, "beside another camera's light, steps are its own"
+
+
+def test_hand_eye_is_no_constant_where_the_mount_gives_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = account(np.zeros(SHAPE), wiggling=ramp(0.003, 0))
+    monkeypatch.setattr(room, "unfounded", lambda *_: None)
+    found.sags = True
+    found.solved.names = lambda _: False
+    assert taken_out(found, GapConfig()) is None
+    found.solved.names = lambda name: name == "hand_eye"
+    assert taken_out(found, GapConfig()) == TakenOut("hand_eye", contradicted=True)
 
 
 def test_a_cause_that_few_resampled_sets_of_views_choose_is_taken_out(monkeypatch: pytest.MonkeyPatch) -> None:

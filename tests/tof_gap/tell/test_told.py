@@ -73,6 +73,7 @@ SOLVED: Any = SimpleNamespace(
     arms=np.ones((20, 6)),
     arms_sd=np.ones((20, 6)),
     evidence=(),
+    cameras=np.tile(np.eye(4), (20, 1, 1)),
     chain=SimpleNamespace(station=np.zeros(20, int)),
 )
 CONFIG: Any = SimpleNamespace(report=ReportLimits(), noise=SimpleNamespace(foreign_light=ForeignLightLimits()))

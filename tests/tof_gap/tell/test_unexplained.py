@@ -70,7 +70,13 @@ def account(seen: tuple[ViewEvidence, ...], left: list[np.ndarray], before_mm: f
         evidence=seen, linearised=seen, bare=seen, unnamed_m=0.0, depends_on=(), small_together=(), arms_alike=0.0, maps={}
     )
     error = Errors(before_mm, before_mm, 0.0)
-    found: dict[str, Any] = {"findings": (), "pushed": False, "follows": False, "gap": Shrink(error, error, 1e3 * NOISE_M, None, None)}
+    found: dict[str, Any] = {
+        "findings": (),
+        "pushed": False,
+        "follows": False,
+        "sags": False,
+        "gap": Shrink(error, error, 1e3 * NOISE_M, None, None),
+    }
     for name, value in changes.items():
         for owner in (figures, solved):
             if hasattr(owner, name):
@@ -149,6 +155,7 @@ def test_the_size_is_that_of_the_block_means_above_the_floor() -> None:
         ({"arms_alike": 22.6}, True),
         ({"pushed": True}, True),
         ({"follows": True}, True),
+        ({"sags": True}, True),
     ],
 )
 def test_what_the_solution_states_makes_it_unknown(changes: dict[str, Any], *, structured: bool) -> None:
@@ -156,8 +163,8 @@ def test_what_the_solution_states_makes_it_unknown(changes: dict[str, Any], *, s
     assert found.structured is structured
     if {"arms_alike", "pushed"} & changes.keys():
         assert found.depends_on == (("hand",) if structured else ())
-    if "follows" in changes:
-        assert found.depends_on == ("viewed",)
+    for sign, quantity in (("follows", "viewed"), ("sags", "attitude")):
+        assert sign not in changes or found.depends_on == (quantity,)
 
 
 @pytest.mark.parametrize(("size_mm", "before_mm", "structured"), [(0.9, 2.1, False), (1.1, 2.1, True), (1.1, 4.0, False)])

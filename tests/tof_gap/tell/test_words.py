@@ -126,6 +126,7 @@ def test_what_is_left_beside_suspected_effects_is_stated_as_such() -> None:
 def test_what_is_left_is_looked_for_on_its_parts() -> None:
     assert where_to_look(("door", "sill")).startswith("Look at door and sill: ")
     assert where_to_look(()).startswith("Look at the maps of the report: ")
+    assert where_to_look(("door",), ("attitude",)).startswith("Check the camera's mount")
 
 
 def test_the_gap_away_from_edges_stands_beside_one_that_few_pixels_at_edges_make() -> None:
