@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.shares import in_percent
-from tof_gap.calibration_apart import as_calibrated
+from tof_gap.calibration_apart import as_calibrated, mounts_differ
 from tof_gap.second import as_fitted, enlarged
 from tof_gap.seen.noise import least_mm
+from tof_gap.seen.residual import noise_again
 from tof_gap.tell.difference import LACKS, STRONG, SUPERFLUOUS, WEAK, Against, AgainstLimits, Difference
-from tof_gap.tell.levels_apart import Level, Noisy, Seen, mixing_apart, noise_apart, steps_apart, wraps_apart
+from tof_gap.tell.levels_apart import Level, Noisy, Seen, ambient_apart, mixing_apart, noise_apart, steps_apart, wraps_apart
 from tof_gap.tell.light_apart import light_apart
 from tof_gap.tell.loss_apart import Lossy, loss_apart
 from tof_gap.tell.maps_apart import OF_SINGLE_PIXELS, Pair
@@ -26,7 +27,9 @@ from tof_gap.tell.report import sensor_model
 from tof_gap.tell.tied import same_effect, ties
 from tof_gap.union import apart, members, with_known
 from tof_sensor.effect import Evidence
+from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.fixed_pattern import FixedPattern
+from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.quantization import Quantization
@@ -86,9 +89,12 @@ def against(
         if joint[name].differs and min(joint[name].real, joint[name].simulated) >= gain:
             pair.fill(name, joint[name].real, joint[name].simulated)
             mirrored.fill(name, joint[name].simulated, joint[name].real)
-    found = [d for n in pair.names if (d := pair.by_coefficients(n, joint[n]) if n in joint else pair.difference(n)) is not None]
+    in_own_unit = {HandEye.NAME} if mounts_differ(real, simulated) else set[str]()
+    trials = (pair.by_coefficients(n, joint[n]) if n in joint else pair.difference(n, of_size=n not in in_own_unit) for n in pair.names)
+    found = [d for d in trials if d is not None]
     shares = [p.shown([d.effect for d in found]) for p in (pair, mirrored)]
-    alike = tuple(d.effect for d in found if any(s[d.effect] < limits.shown for s in shares))
+    # Free poses take up a mount: what is left of it shows errors of the maps.
+    alike = tuple(d.effect for d in found if d.effect not in in_own_unit and any(s[d.effect] < limits.shown for s in shares))
     both = [n for n, a in joint.items() if n in one_sided and n not in {d.effect for d in found} and a.ratio < limits.shown]
     stated = as_calibrated(real, simulated)
     alike = tuple(sorted({*alike, *both} - set(stated)))
@@ -174,7 +180,10 @@ def _levels(
 
 
 def _noise(pair: Pair, simulated: Diagnosis, limits: AgainstLimits, known: SensorModel | None, seen: Seen) -> tuple[str, Level] | None:
-    """Noise in which both differ: of what, and its level; that of most pixels first, else of lines or of single pixels."""
+    """Noise in which both differ: of what, and its level; that of most pixels first, else of lines or of single pixels.
+
+    Foreign light may be little beside the camera's own noise: then the light is compared alone.
+    """
     law = (None if known is None else known.law) or pair.real.law
     if law is not None:
         sides = Noisy(_quiet(pair.real), pair.camera, 1.0), Noisy(_quiet(simulated), pair.simulator, 1.0 / pair.unit)
@@ -182,6 +191,10 @@ def _noise(pair: Pair, simulated: Diagnosis, limits: AgainstLimits, known: Senso
         least = least_mm([*pair.real.evidence, *simulated.evidence], pair.real.config.noise)
         if level is not None and not level.within(limits.noise) and _excess_mm(level) > least:
             return "", level
+        if known is not None and known.law is not None and level is not None and not level.within(limits.light):
+            light = ambient_apart(*sides, known.law, seen, pair.real.config.noise.law_excess)
+            if light is not None and not light.within(limits.shares) and _excess_mm(light) > least:
+                return "beyond the photon law ", light
     found = part_apart(_bare(pair.real), _bare(simulated), pair.real.config.noise, limits.noise)
     return None if found is None else (f"{found[0]} ", found[1])
 
@@ -218,12 +231,13 @@ def _bare(session: Diagnosis) -> Sequence[ViewEvidence]:
 def _quiet(session: Diagnosis) -> Sequence[ViewEvidence]:
     """A session's views with the noise of their pixels; beside a fixed pattern the held-out views alone, with the pattern taken off.
 
+    Beside parts that do not stand as the CAD, it is read again without their error: what differs between neighbours there is no noise.
     Constant offsets of pixels differ from neighbour to neighbour as noise does, and averaging of captures does not reduce them. In the
     views that the pattern was estimated from, its map holds a part of the noise.
     """
     figures = session.account.figures
     if FixedPattern.NAME not in figures.maps:
-        return _bare(session)
+        return noise_again(_bare(session)) if CadDeviation.NAME in figures.maps else _bare(session)
     return [replace(session.evidence[v], sigma=np.sqrt(figures.noise2[v])) for v in figures.held]
 
 

@@ -26,9 +26,24 @@ def as_calibrated(real: Diagnosis, simulated: Diagnosis) -> tuple[str, ...]:
     A camera's mount and lens are known to their calibration, and a simulator has them as stated: so an error beyond the calibration that
     both have differs by up to the calibration's error. It is judged as a diagnosis judges one session, to one standard deviation.
     """
+    return tuple(one.named.name for one, other in _of_both(real, simulated) if _alike(one, other, real))
+
+
+def mounts_differ(real: Diagnosis, simulated: Diagnosis) -> bool:
+    """Whether both sessions name hand-eye, and differ by more than the largest error of its calibration, if one is stated.
+
+    The camera's own error of calibration adds to what both have: 5 and 8 mm may be one bump and twice the bump, and the ratio of their
+    sizes does not show it.
+    """
+    stated = real.config.calibration.hand_eye_sd.any()
+    mounts = [both for both in _of_both(real, simulated) if both[0].named.name == HandEye.NAME]
+    return bool(stated and mounts) and not any(_alike(*both, real) for both in mounts)
+
+
+def _of_both(real: Diagnosis, simulated: Diagnosis) -> list[tuple[Cause, Cause]]:
+    """Mount and lens in the real and the simulated session, where both name them."""
     theirs = {c.named.name: c for c in simulated.causes if c.named.name in OF_CALIBRATION}
-    both = [(c, theirs[c.named.name]) for c in real.causes if c.named.name in theirs]
-    return tuple(c.named.name for c, other in both if _alike(c, other, real))
+    return [(c, theirs[c.named.name]) for c in real.causes if c.named.name in theirs]
 
 
 def _alike(one: Cause, other: Cause, real: Diagnosis) -> bool:

@@ -72,6 +72,12 @@ class AgainstLimits:
         why="albedos of a scene are stated to 40 %, so that all of them may be 1 / 0.6 of the true ones; units differ by a power of two or ten",
     )
     noise: float = param(1.25, "ratio of the two noises from which they differ", low=1.0, why="noise is known to 10 % in each session")
+    light: float = param(
+        1.15,
+        "the same from which noise of foreign light beyond a stated photon law is compared by itself",
+        low=1.0,
+        why="noise is known to 10 % in each session, the ratio of both to 14 %",
+    )
     loss: float = param(
         0.01,
         "difference of the two shares of lost pixels from which they differ",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_sensor.effect import Evidence
+from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
@@ -108,6 +109,25 @@ def noise_apart(real: Noisy, simulated: Noisy, law: PhotonLaw, seen: Seen) -> Le
     named = {name: v - less.get(name, 0.0) for name, v in more.items()}
     name = max(named, key=named.__getitem__, default=Noise.NAME)
     return Level(name, level, level * ratio, parts, (name in shares[0], name in shares[1]))
+
+
+def ambient_apart(real: Noisy, simulated: Noisy, law: PhotonLaw, seen: Seen, healthy: float) -> Level | None:
+    """Noise of foreign light in mm of one capture along the ray, at the light of the real session: what exceeds the camera's stated law.
+
+    None where the diagnosis of the noisier session does not name `ambient`. The other session has it, too, if its variance exceeds the
+    law by a share of more than `healthy`, and no other noise is named there.
+    """
+    over, own, _ = _over_law(real, law)
+    other_over, _, _ = _over_law(simulated, law)
+    if not len(over) or not len(other_over):
+        return None
+    excess = [max(float(np.median(o)) - 1.0, 0.0) for o in (over, other_over)]
+    named = [_noise_shares(s.model, frames).keys() for s, frames in ((real, seen.own), (simulated, seen.other))]
+    if Ambient.NAME not in named[int(excess[1] > excess[0])]:
+        return None
+    has = [Ambient.NAME in n or (not n and e > healthy) for n, e in zip(named, excess, strict=True)]
+    one_mm, other_mm = (1e3 * float(np.sqrt(e * np.median(own))) for e in excess)
+    return Level(Ambient.NAME, one_mm, other_mm, {}, (has[0], has[1]))
 
 
 def steps_apart(real: Sequence[ViewEvidence], simulated: Sequence[ViewEvidence], has: tuple[bool, bool]) -> Level | None:

@@ -176,8 +176,11 @@ class Pair:
         share = (max(shrink.ci95[0], 0.0), shrink.ci95[1]) if known and shrink.ci95 is not None else None
         return Difference(name, manner, real, simulated, self._by_part(name), shrink.shrink if known else None, share)
 
-    def difference(self, name: str) -> Difference | None:
-        """One effect by its maps in both; None where its correction changes little."""
+    def difference(self, name: str, *, of_size: bool = True) -> Difference | None:
+        """One effect by its maps in both; None where its correction changes little.
+
+        of_size: whether the difference is also compared with the effect's size; not where the effect is known to differ in a unit of its own.
+        """
         corrected, limits = self._corrected([name]), self.figures.limits.shrink
         found = measure(corrected, np.random.default_rng(0), limits)
         if found.shrink is None or found.ci95 is None or found.shrink < self.limits.shrink:
@@ -187,7 +190,7 @@ class Pair:
         if name == FixedPattern.NAME and not self._patterns_differ():
             return None
         real, simulated = (self._pixels(m.get(name, self._zero())) for m in (self.real_maps, self.simulated_maps))
-        if np.sum((real - simulated) ** 2) < self.limits.apart**2 * max(real @ real, simulated @ simulated):
+        if of_size and np.sum((real - simulated) ** 2) < self.limits.apart**2 * max(real @ real, simulated @ simulated):
             return None
         size = [1e3 * float(np.sqrt(np.mean(x * x))) for x in (real, simulated)]
         share = (max(found.ci95[0], 0.0), found.ci95[1])

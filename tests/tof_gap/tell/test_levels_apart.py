@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from tests.tof_gap.diagnosed import HELD, compared, diagnosis, only
+from tests.tof_gap.diagnosed import HELD, LAW, compared, diagnosis, only
 from tests.tof_gap.quiet_views import SHAPE, views
+from tof_gap.against import against
 from tof_gap.tell.difference import LACKS, STRONG, SUPERFLUOUS, WEAK
 from tof_sensor.effects.ambient import Ambient
+from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.fixed_pattern import FixedPattern, packed
 from tof_sensor.effects.flying_pixels import FlyingPixels
@@ -21,6 +23,7 @@ from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.effects.quantization import Quantization
+from tof_sensor.model import SensorModel
 
 if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
@@ -66,6 +69,36 @@ def test_more_noise_has_the_name_of_the_noise_that_was_found(evidence: tuple[Vie
     found = compared(diagnosis(noisier(evidence, 2.0), light), diagnosis(evidence))
     assert (found.verdict, only(found).simulator) == (("ambient",), LACKS)
     assert compared(diagnosis(evidence, light), diagnosis(evidence)).verdict == ("none",)
+
+
+@pytest.mark.parametrize(
+    ("lit", "shares", "verdict", "manner"),
+    [((1.20, 1.45), "both", "ambient", STRONG), ((1.20, 1.45), "noise", "none", ""), ((1.35, 1.45), "both", "none", "")],
+)
+def test_foreign_light_is_compared_beyond_the_law_of_the_cameras_own_noise(
+    evidence: tuple[ViewEvidence, ...], lit: tuple[float, float], shares: str, verdict: str, manner: str
+) -> None:
+    """1.20 and 1.45 times the law differ by less than two noises do; beyond the law the variance is 0.44 and 1.10 of it."""
+    light = [Ambient(uniform_m=0.003, reference=2000.0)] if shares == "both" else []
+    dim, bright = (diagnosis(noisier(evidence, times), *named) for times, named in zip(lit, ([], light), strict=True))
+    found = against(dim, bright, ("panel",), known=SensorModel((LAW,)))
+    assert found.verdict == (verdict,)
+    assert [d.simulator for d in found.differences] == ([manner] if manner else [])
+    assert compared(dim, bright).verdict == ("none",), "no law is stated"
+
+
+def test_a_session_within_the_law_has_no_foreign_light(evidence: tuple[ViewEvidence, ...]) -> None:
+    dark, lit = diagnosis(noisier(evidence, 1.05)), diagnosis(noisier(evidence, 1.28), Ambient(uniform_m=0.003, reference=2000.0))
+    found = against(lit, dark, ("panel",), known=SensorModel((LAW,)))
+    assert (found.verdict, only(found).simulator) == (("ambient",), LACKS)
+    assert "beyond the photon law" in only(found).line()
+
+
+def test_what_a_displaced_part_leaves_between_neighbours_is_no_noise(evidence: tuple[ViewEvidence, ...]) -> None:
+    """Poses could take up the motion of the only part."""
+    moved = CadDeviation(values=(0.0, 0.0, 0.005, *(0.0,) * 6))
+    assert compared(diagnosis(evidence), diagnosis(noisier(evidence, 2.0), moved)).verdict == ("none",)
+    assert compared(diagnosis(evidence), diagnosis(noisier(evidence, 2.0))).verdict == ("noise",)
 
 
 def losing(evidence: tuple[ViewEvidence, ...], share: float) -> tuple[ViewEvidence, ...]:
