@@ -91,13 +91,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     # No model of motion describes surfaces that appear and vanish beside edges while the hand moves.
     reach = missing.edge_reach_px if Motion.NAME in solved.maps else 0
     gross = 0.0 if gross_named else min(gross_share(v, _explained(figures), reach) for v in (views, solved.linearised))
-    signs = {
-        HAND: solved.arms_alike > limit.arms or found.pushed,
-        VIEWED: found.follows,
-        ATTITUDE: found.sags,
-        EDGES: smeared(solved.bare, missing),
-    }
-    depends_on = (*solved.depends_on, *(name for name, seen in signs.items() if seen))
+    depends_on = (*solved.depends_on, *_signs(found, limit, missing))
     gone = _lost_pixels(found, len(scene.parts), missing)
     least_mm = limit.alone_mm if all(EFFECTS[name].EXACT for name in solved.maps) else limit.mm
     a_gap = before2 > limit.mm**2
@@ -129,6 +123,17 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
         gross=gross if gross > limit.gross_share else 0.0,
         resembles=tuple(contradicted),
     )
+
+
+def _signs(found: Account, limit: UnexplainedLimits, missing: MissingLimits) -> list[str]:
+    """What the unexplained depends on by other signs than block means: arm errors, and edges."""
+    seen = {
+        HAND: found.solved.arms_alike > limit.arms or found.pushed,
+        VIEWED: found.follows,
+        ATTITUDE: found.sags,
+        EDGES: smeared(found.solved.bare, missing),
+    }
+    return [name for name, shown in seen.items() if shown]
 
 
 def off_parts(left: BlockMeans, before: BlockMeans, parts: int, views: int, limit: UnexplainedLimits, least_m: float) -> Mask:
