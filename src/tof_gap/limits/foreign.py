@@ -31,10 +31,10 @@ class ForeignLightLimits:
     )
     chance_follows: float = param(
         1e-4,
-        "probability at which these errors follow distance and amplitude of the views",
+        "probability at which these errors follow distance and amplitude of the views, or turns the hand's attitude",
         low=0.0,
         high=1.0,
-        why="errors of an arm and foreign light do so in one session of ten thousand; a hazy lens that is not named did at 9e-6",
+        why="an arm's errors do so in one session of ten thousand; a hazy lens without a name did at 9e-6, a mount that sags at 2e-8",
     )
     field_chi2: float = param(100.0, "chi-square that the field of a view explains", low=0.0, why="by chance, thirteen terms explain 13")
     field_mm: float = param(

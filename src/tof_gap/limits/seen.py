@@ -238,7 +238,7 @@ class NoiseLimits:
         "probability that the noise of views follows their brightness as it does by chance, below which exposure is automatic",
         low=0.0,
         high=1.0,
-        why="a session in three hundred; a healthy camera with automatic exposure: 1e-4",
+        why="a session in three hundred; three sessions with automatic exposure have 6e-5 at most",
     )
     line_mm: float = param(0.5, "noise of whole rows or columns", unit="mm", low=0.0, why="the floor of a usual camera is 0.3 mm")
     line_share: float = param(0.25, "the same, over the median noise", low=0.0, high=1.0, why="less changes the total by 3 %")

@@ -24,7 +24,7 @@ def chance_of_following(steps: Float, of_view: Float, station: Ints) -> float:
     """Probability that steps follow quantities of the views as closely as they do by chance (F test).
 
     Args:
-        steps: (V,) arm errors along the optical axis, over their standard deviations by the robot's prior.
+        steps: (V,) arm errors along or about one axis, over their standard deviations by the robot's prior.
         of_view: (V, k) quantities of each view; a view with a NaN does not count.
         station: (V,) of each view; the mean of a station is an error of the base, and no evidence.
     """
