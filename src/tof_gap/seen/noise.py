@@ -77,9 +77,9 @@ def noise_effects(
     b = binned(near, limits.bins, limits)
     if len(b.view) < limits.least_bins:
         return []
-    if step > np.sqrt(np.median(b.variance)):  # Steps wider than the noise hide it, but not the noise of whole lines.
-        lines = None if Noise.NAME in left_out else _named(_lines(views, _typical(b), step / np.sqrt(12), limits), views)
-        return [] if lines is None else [lines]
+    if step > np.sqrt(np.median(b.variance)):  # Steps wider than the noise hide it, but not that of whole lines and single pixels.
+        parts = [] if Noise.NAME in left_out else [*_lines(views, _typical(b), step / np.sqrt(12), limits), *_pixels(views, limits)]
+        return _named(parts, views)
     # Without amplitude there is no photon law to compare with: only noise of rows, columns and single pixels is found.
     dark = all(v.view.amplitude is None for v in views)
     if Interference.NAME not in left_out:
@@ -95,8 +95,7 @@ def noise_effects(
         return []
     usual = law is not None and np.median(b.variance / law.variance(b.amplitude, b.surroundings2)) < 1.0 + limits.law_excess
     lawless = dark or usual or unmerged or exposed
-    own = _noise(views, near, b, None if lawless else fit_law(b, step, limits), limits)
-    return [] if own is None else [own]
+    return _noise(views, near, b, None if lawless else fit_law(b, step, limits), limits)
 
 
 def without_offsets(b: NoiseBins, views: Sequence[ViewEvidence]) -> NoiseBins:
@@ -148,7 +147,7 @@ def _stand_out(ln_variance: Float, limits: NoiseLimits, burst: float) -> Mask:
 
 def _noise(
     views: Sequence[ViewEvidence], near: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, limits: NoiseLimits
-) -> Finding | None:
+) -> list[Finding]:
     """Noise of one capture that is not in the photon law: a constant part, noise of whole rows or columns, noise of single pixels."""
     least = max(1e-3 * least_mm(near, limits), limits.extra_share * _typical(b))
     excess = 0.0 if fitted is None else constant_part(fitted, code_step(views))
@@ -159,12 +158,16 @@ def _noise(
     parts = _lines(views, _typical(b), 0.0, limits)
     if excess > max(least, limits.extra_sigma * floor_std):
         parts.insert(0, Part("at every amplitude", excess))
-    # Constant offsets of pixels raise the estimated noise: single noisy pixels are not found beside them.
+    return _named([*parts, *_pixels(views, limits)], views, floor_std)
+
+
+def _pixels(views: Sequence[ViewEvidence], limits: NoiseLimits) -> list[Part]:
+    """Noise of single pixels. Constant offsets of pixels raise the estimated noise: single noisy pixels are not found beside them."""
     pixels = _noisy(views, limits)
-    of_pixels = 0.0 if pixels is None else over_mean(views) * float(pixels.size_m * np.sqrt(pixels.share))
-    if pixels is not None and of_pixels > limits.extra_mm * 1e-3:
-        parts.append(Part(f"of {in_percent(pixels.share)} of the pixels", of_pixels, where=pixels.where))
-    return _named(parts, views, floor_std)
+    size = 0.0 if pixels is None else over_mean(views) * float(pixels.size_m * np.sqrt(pixels.share))
+    if pixels is None or size <= limits.extra_mm * 1e-3:
+        return []
+    return [Part(f"of {in_percent(pixels.share)} of the pixels", size, where=pixels.where)]
 
 
 def _lines(views: Sequence[ViewEvidence], typical_m: float, least_m: float, limits: NoiseLimits) -> list[Part]:
@@ -222,13 +225,13 @@ def over_mean(views: Sequence[ViewEvidence]) -> float:
     return float(np.sqrt(np.median([v.view.captures for v in views])))
 
 
-def _named(parts: Sequence[Part], views: Sequence[ViewEvidence], floor_std: float = 0.0) -> Finding | None:
-    """The finding `noise` of these parts; `floor_std`: standard deviation of its size in metres."""
+def _named(parts: Sequence[Part], views: Sequence[ViewEvidence], floor_std: float = 0.0) -> list[Finding]:
+    """The finding `noise` of these parts, if any; `floor_std`: standard deviation of its size in metres."""
     size = float(np.sqrt(sum(part.size_m**2 for part in parts)))
     if size <= 0:
-        return None
+        return []
     maps = [part.common for part in parts if part.common is not None]
-    return Finding(
+    found = Finding(
         Noise(extra_m=min(size, most(Noise, "extra_m"))),
         CONFIDENT,
         {"extra_m": floor_std},
@@ -237,13 +240,11 @@ def _named(parts: Sequence[Part], views: Sequence[ViewEvidence], floor_std: floa
         note=", ".join(f"{1e3 * part.size_m:.1f} mm {part.of}" for part in parts),
         own_noise=next((part.where for part in parts if part.where is not None), None),
     )
+    return [found]
 
 
 def _noisy(views: Sequence[ViewEvidence], limits: NoiseLimits) -> NoisyPixels | None:
-    """Pixels with a noise of their own; None where they may stand out by chance, or constant offsets of pixels raise the noise.
-
-    Nor where the halves of the views disagree on them.
-    """
+    """Pixels with a noise of their own that both halves of the views show; None where they may stand out by chance."""
     beside = beside_pixels(views, single_pixels(views))
     found = noisy_pixels(beside, limits.pixels)
     if found.share <= limits.pixel_share or found.chance >= limits.pixels.chance:

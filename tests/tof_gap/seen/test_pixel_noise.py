@@ -30,6 +30,19 @@ def test_pixels_that_are_noisy_in_every_view_are_confirmed_by_both_halves() -> N
     assert confirmed(seen, LIMITS) > 0.8
 
 
+def test_steps_of_the_depth_code_wider_than_the_noise_hide_no_noisy_pixels() -> None:
+    """A code of 1 mm beside 0.6 mm of noise; a fiftieth of the pixels jumps by a centimetre."""
+    where = np.random.default_rng(3).random(SHAPE) < 0.02
+    extra = np.round((0.0006 * noise() + 0.01 * np.random.default_rng(8).standard_normal((VIEWS, *SHAPE)) * where) / 0.001) * 0.001
+    seen = [replace(v, step_m=0.001) for v in views(np.random.default_rng(2), extra, photons=False)]
+    found = noise_effects(seen, NoiseLimits())
+    assert [f.name for f in found] == ["noise"]
+    assert found[0].own_noise is not None
+    assert (found[0].own_noise & where).sum() > 0.9 * where[5:-5, 5:-5].sum()
+    quiet = [replace(v, step_m=0.001) for v in views(np.random.default_rng(2), np.round(0.6 * noise()) * 0.001, photons=False)]
+    assert noise_effects(quiet, NoiseLimits()) == []
+
+
 def test_pixels_with_long_tails_that_differ_from_view_to_view_are_not_confirmed() -> None:
     tails = np.random.default_rng(5).random((VIEWS, *SHAPE)) < 0.3
     seen = views(np.random.default_rng(2), 0.02 * noise() * tails)[:8]
