@@ -57,8 +57,8 @@ class Session:
 
     parts: names of the scene's parts, in the scene's order; has_amplitude: whether any view has an amplitude image; modulated: whether
     noise depends on light, as for time-of-flight cameras, and not on range squared, as for stereo cameras; law: the camera's photon law
-    from `--sensor`; noise: temporal noise by amplitude; exposed: whether exposure is automatic; posed_apart: whether all poses are independent of depth and have a covariance, as
-    poses from a board's corners do.
+    from `--sensor`; noise: temporal noise by amplitude; exposed: whether exposure is automatic; posed_apart: whether all poses are
+    independent of depth and have a covariance, as poses from a board's corners do.
     """
 
     views: tuple[SessionView, ...]

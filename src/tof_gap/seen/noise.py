@@ -87,15 +87,15 @@ def noise_effects(
         if wave is not None and wave.size_m > limits.extra_mm * 1e-3:
             return [_stripes(views, wave, float(np.median(b.amplitude)), limits)]
     b = of_one_capture(without_offsets(b, near), np.array([v.view.captures for v in views], float), step, limits)
-    exposed = not dark and automatic_exposure(b, fit_law(b, step, limits), limits)
+    fitted = None if dark else fit_law(b, step, limits)
+    exposed = fitted is not None and automatic_exposure(b, fitted, limits)
     hit = None if dark or unmerged or {Interference.NAME, Noise.NAME} <= left_out else _bursts(views, b, step, limits, exposed=exposed)
     if hit is not None:
         return [] if hit.name in left_out else [hit]
     if Noise.NAME in left_out:
         return []
     usual = law is not None and np.median(b.variance / law.variance(b.amplitude, b.surroundings2)) < 1.0 + limits.law_excess
-    lawless = dark or usual or unmerged or exposed
-    return _noise(views, near, b, None if lawless else fit_law(b, step, limits), limits)
+    return _noise(views, near, b, None if usual or unmerged or exposed else fitted, limits)
 
 
 def without_offsets(b: NoiseBins, views: Sequence[ViewEvidence]) -> NoiseBins:

@@ -64,14 +64,10 @@ def confirmed(views: Sequence[ViewEvidence], limits: PixelLimits) -> float:
     if not known.any():
         return 0.0
     relative = [variance[known] / max(float(np.median(variance[known])), 1e-12) for _, variance in halves]
-    both = chance = flagged = 0.0
-    for here, there in (relative, relative[::-1]):
-        noisy, above = here > limits.ratio, there > ABOVE
-        both, chance, flagged = (
-            both + float((noisy & above).sum()),
-            chance + float(noisy.sum() * above.mean()),
-            flagged + float(noisy.sum()),
-        )
+    turns = [(here > limits.ratio, there > ABOVE) for here, there in (relative, relative[::-1])]
+    both = sum(float((noisy & above).sum()) for noisy, above in turns)
+    chance = sum(float(noisy.sum() * above.mean()) for noisy, above in turns)
+    flagged = sum(float(noisy.sum()) for noisy, _ in turns)
     return (both - chance) / max(flagged - chance, 1.0)
 
 
