@@ -17,6 +17,7 @@ from tof_align.folds import deal
 from tof_gap.seen.residual import less
 from tof_gap.solve.candidate import Candidate
 from tof_gap.solve.columns import ColumnStore, build
+from tof_gap.solve.conclude import is_of_calibration
 from tof_gap.solve.judge import Selector
 from tof_gap.solve.worth import rescored
 from tof_gap.tell.difference import Apart
@@ -91,7 +92,7 @@ def moves_far(effect: Effect, session: Diagnosis) -> bool:
 
     The time between taps changes the mean time of a frame by a little: this shift of the image is linear.
     """
-    if effect.mount is not None or effect.camera(session.camera) != session.camera:
+    if is_of_calibration(effect, session.camera):
         return True
     frames = [v.frame for v in session.evidence if v.frame.context.twist.any()]
     shifts = [np.hypot(*image_flow(f))[f.valid] for f in frames]

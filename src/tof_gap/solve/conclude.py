@@ -123,7 +123,12 @@ def _tied(joint: Joint, names: set[str]) -> tuple[tuple[Effect | None, Effect | 
 
 def moves_camera(effect: Effect, stated: Camera) -> bool:
     """Whether the effect moves the camera or changes its lens, so that pixels see other points."""
-    return effect.mount is not None or effect.late_s != 0.0 or effect.camera(stated) != stated
+    return effect.late_s != 0.0 or is_of_calibration(effect, stated)
+
+
+def is_of_calibration(effect: Effect, stated: Camera) -> bool:
+    """Whether the effect is another mount or another lens than stated."""
+    return effect.mount is not None or effect.camera(stated) != stated
 
 
 def _beside_pattern(bare: Sequence[ViewEvidence], maps: Mapping[str, Sequence[Float]], config: GapConfig) -> tuple[ViewEvidence, ...]:
