@@ -115,7 +115,9 @@ def account(
     """
     give_back()
     gated = tuple(given) if along_ray is None else (*given, along_ray)
-    findings = gated if alone else (*gated, *_findings(solved, config, law, left_out))
+    arms_tell = not alone and not _arms_silent(solved, left_out)
+    follows, sags = _arm_signs(solved, config.noise.foreign_light) if arms_tell else (False, False)
+    findings = gated if alone else (*gated, *_findings(solved, config, law, left_out, follows=follows))
     counted = figures(solved, findings, rng, config.report)
     for share in (f.share for f in gated if f.share is not None):
         counted = replace(counted, residual=[r + added for r, added in zip(counted.residual, share, strict=True)])
@@ -124,9 +126,11 @@ def account(
         Cause(n, counted.shrink([n.name]), counted.shrink([m for m in counted.maps if m != n.name]).shrink, solved.sizes[n.name])
         for n in solved.named
     )
-    silent = alone or _arms_silent(solved, left_out) or any(isinstance(f.effect, Interference) for f in findings)
-    pushed = not silent and along_the_view(solved.arms, solved.arms_sd, config.noise.foreign_light)
-    follows, sags = (not alone and test(solved, config, left_out) for test in (_arms_follow, _arms_sag))
+    pushed = (
+        arms_tell
+        and not any(isinstance(f.effect, Interference) for f in findings)
+        and along_the_view(solved.arms, solved.arms_sd, config.noise.foreign_light)
+    )
     return Account(solved, causes, findings, counted, gap, pushed, follows, sags)
 
 
@@ -153,10 +157,13 @@ def _gap(counted: Figures, findings: Sequence[Finding], names: Sequence[str]) ->
     return replace(gap, shrink=None, ci95=None) if findings and not names else gap
 
 
-def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out: AbstractSet[str]) -> tuple[Finding, ...]:
+def _findings(
+    solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out: AbstractSet[str], *, follows: bool
+) -> tuple[Finding, ...]:
     """What noise, loss and edges show at the estimated poses, once smooth bias is removed; detectors of `left_out` do not run.
 
-    Pixels that a filter in the camera removed are no `dropout`, nor are those of noisy lines.
+    Pixels that a filter in the camera removed are no `dropout`, nor are those of noisy lines. Arm errors that follow the views (`follows`)
+    are no foreign light.
     """
     left = solved.bare
     gone = missing.missing_effects(left, config.missing, left_out, blurred=solved.names(Motion.NAME))
@@ -166,7 +173,7 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     own = noise.beside_lines(noise.without_noisy_pixels(left, config.noise), lines)
     light = [] if unmerged else detected.detected_effects(own, config.noise, law, left_out)
     beside = detected.explained(left, light)
-    silent = _arms_silent(solved, left_out) or Interference.NAME in left_out or _arms_follow(solved, config, left_out)
+    silent = _arms_silent(solved, left_out) or Interference.NAME in left_out or follows
     foreign = None
     if not silent:
         of_lines = noise.smooth_by_lines(left, lines, config.noise)
@@ -197,20 +204,12 @@ def _arms_silent(solved: Solved, left_out: AbstractSet[str]) -> bool:
     return solved.names(Motion.NAME) or HandEye.NAME in left_out
 
 
-def _arms_follow(solved: Solved, config: GapConfig, left_out: AbstractSet[str]) -> bool:
-    """Whether arm errors along the optical axis follow distance and amplitude of the views."""
-    if _arms_silent(solved, left_out):
-        return False
-    chance = chance_of_following(steps_along(solved), contents(solved.evidence), solved.chain.station)
-    return chance < config.noise.foreign_light.chance_follows
-
-
-def _arms_sag(solved: Solved, config: GapConfig, left_out: AbstractSet[str]) -> bool:
-    """Whether turns of the camera by arm errors follow the attitude of the hand."""
-    if _arms_silent(solved, left_out):
-        return False
-    chance = chance_of_sagging((solved.arms / solved.arms_sd)[:, 3:], solved.cameras, solved.chain.station)
-    return chance < config.noise.foreign_light.chance_follows
+def _arm_signs(solved: Solved, limits: ForeignLightLimits) -> tuple[bool, bool]:
+    """Whether arm errors along the optical axis follow distance and amplitude of the views, and turns by arm errors the hand's attitude."""
+    station = solved.chain.station
+    of_steps = chance_of_following(steps_along(solved), contents(solved.evidence), station)
+    of_turns = chance_of_sagging((solved.arms / solved.arms_sd)[:, 3:], solved.cameras, station)
+    return of_steps < limits.chance_follows, of_turns < limits.chance_follows
 
 
 def steps_along(solved: Solved) -> Float:

@@ -59,7 +59,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Finding, ...]]:
 
     monkeypatch.setattr(room, "figures", figures)
     monkeypatch.setattr(room, "give_back", lambda: None)
-    monkeypatch.setattr(room, "_findings", lambda *_: (FOUND,))
+    monkeypatch.setattr(room, "_findings", lambda *_, **__: (FOUND,))
     monkeypatch.setattr(room, "contents", lambda _: np.arange(20.0)[:, None])
     return asked
 
@@ -138,7 +138,7 @@ def test_sizes_of_named_effects_add_in_squares() -> None:
 LINES_M = 1e-4
 
 
-def detectors(monkeypatch: pytest.MonkeyPatch, *, follow: bool = False, **given: Any) -> dict[str, Any]:
+def detectors(monkeypatch: pytest.MonkeyPatch, **given: Any) -> dict[str, Any]:
     """Each detector says what is given; what they were told is kept."""
     told: dict[str, Any] = {}
 
@@ -154,7 +154,6 @@ def detectors(monkeypatch: pytest.MonkeyPatch, *, follow: bool = False, **given:
     monkeypatch.setattr(detected, "explained", lambda left, light: (left, light))
     monkeypatch.setattr(room, "foreign_light", says("foreign", None))
     monkeypatch.setattr(room, "foreign_lamp", says("lamp", None))
-    monkeypatch.setattr(room, "_arms_follow", lambda *_: follow)
     monkeypatch.setattr(missing, "missing_effects", says("gone", []))
     monkeypatch.setattr(noise, "noise_effects", says("noise", []))
     monkeypatch.setattr(noise, "lines_found", lambda _views, _limits: ["rows"])
@@ -163,12 +162,12 @@ def detectors(monkeypatch: pytest.MonkeyPatch, *, follow: bool = False, **given:
     return told
 
 
-def findings_of(*, motion: bool = False, left_out: frozenset[str] = frozenset()) -> tuple[Finding, ...]:
+def findings_of(*, motion: bool = False, follows: bool = False, left_out: frozenset[str] = frozenset()) -> tuple[Finding, ...]:
     solved: Any = SimpleNamespace(
         **{**vars(SOLVED), "bare": "bare", "arms": "arms", "arms_sd": "sd", "names": lambda name: motion and name == Motion.NAME}
     )
     config: Any = SimpleNamespace(noise=SimpleNamespace(foreign_light="fl", foreign_lamp="lamp"), missing="missing", report=ReportLimits())
-    return _findings(solved, config, None, left_out)
+    return _findings(solved, config, None, left_out, follows=follows)
 
 
 LIGHT = Finding(Interference(burst_m=0.001), 0.9, posed_m=2e-3)
@@ -182,8 +181,8 @@ def test_foreign_light_is_a_finding_that_noise_does_not_name_again(monkeypatch: 
     told = detectors(monkeypatch, noise=[FOUND])
     assert findings_of() == (FOUND,)
     assert told["noise"][2] == frozenset()
-    told = detectors(monkeypatch, foreign=LIGHT, follow=True)
-    assert findings_of() == (), "arm errors that follow the views"
+    told = detectors(monkeypatch, foreign=LIGHT)
+    assert findings_of(follows=True) == (), "arm errors that follow the views"
     assert "foreign" not in told
 
 
