@@ -80,12 +80,9 @@ class Effect(ABC):
     """Unique rank in physical order: part 0, pose 10, light 30, pixel 50, noise 70, output from 80."""
     MEANING: ClassVar[str]
     """The effect in a plant engineer's words, for the report."""
-    REMEDY: ClassVar[str] = ""
-    """What a plant does about the effect, for the report."""
-    SEPARATED_BY: ClassVar[str] = "a reference of known distance"
-    """What separates the effect from similar ones if no capture of `ACTIONS` does."""
-    ACTIONS: ClassVar[tuple[Action, ...]] = ()
-    """Captures in which the effect changes differently from similar ones."""
+    REMEDY: ClassVar[str] = ""  # What a plant does about the effect, for the report.
+    SEPARATED_BY: ClassVar[str] = "a reference of known distance"  # What else separates it, where no capture of `ACTIONS` does.
+    ACTIONS: ClassVar[tuple[Action, ...]] = ()  # Captures in which the effect changes differently from similar ones.
     EVIDENCE: ClassVar[Evidence] = Evidence.BIAS
     LINEAR: ClassVar[tuple[str, ...]] = ()
     OWN: ClassVar[tuple[str, ...]] = ()
@@ -101,12 +98,10 @@ class Effect(ABC):
     UNEVEN: ClassVar[float] = 0.1  # Largest standard deviation of its size over the views, as a share of its mean.
     MODULATED: ClassVar[bool] = False
     """Whether only time-of-flight cameras have it, modulated or pulsed; no stereo camera does."""
-    ONE_FORM: ClassVar[bool] = False
-    """Whether a diagnosis tries it in a single form, which has the default parameters."""
+    ONE_FORM: ClassVar[bool] = False  # Whether a diagnosis tries it in a single form, which has the default parameters.
     REPEATS: ClassVar[bool] = False  # Whether it may occur several times: once per part, or once per modulation frequency.
     IN_CHAIN: ClassVar[bool] = False  # Whether it is a member of the chain of poses, which the solution estimates instead of columns.
-    SMEARS: ClassVar[bool] = False
-    """Whether it shifts depth edges, and with them the poses that edges determine."""
+    SMEARS: ClassVar[bool] = False  # Whether it shifts depth edges, and with them the poses that edges determine.
     AT_EDGES: ClassVar[bool] = False
     """Whether it is largest at edges, which no fit uses: its size is that of its map on all pixels."""
     FINER: ClassVar[tuple[Finer, ...]] = ()
@@ -167,6 +162,11 @@ class Effect(ABC):
     def plausible(self, values: Float) -> Effect:
         """The same shape with coefficients (k,), clipped to their bounds."""
         return self.with_coefficients(np.clip(values, *self.bounds))
+
+    def occurs_beside(self, other: Effect) -> bool:
+        """Whether one session may have the effect in this form and in the form `other`."""
+        del other
+        return self.REPEATS
 
     @property
     def free_form(self) -> bool:

@@ -37,3 +37,9 @@ class Candidate:
     def repeatable(self) -> bool:
         """Whether a hypothesis may contain several of its name: one per part, or one per observable."""
         return self.free is not None or (self.effect is not None and self.effect.REPEATS)
+
+    def excludes(self, other: Candidate) -> bool:
+        """Whether no hypothesis may contain both: two forms of an effect that a session, or a part, has only once."""
+        if self.name != other.name or self.free is not None:
+            return False
+        return self.effect is None or other.effect is None or not self.effect.occurs_beside(other.effect)

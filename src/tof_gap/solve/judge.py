@@ -162,7 +162,7 @@ class Selector:
     def repeats(self, member: int, members: Iterable[int]) -> bool:
         """Whether one of the members is this candidate, or another form of an effect that a hypothesis may contain only once."""
         one = self.design.candidates[member]
-        return member in members or (not one.repeatable and any(self.design.candidates[m].name == one.name for m in members))
+        return member in members or any(one.excludes(self.design.candidates[m]) for m in members)
 
     def fit(self, hypothesis: Hypothesis) -> ColumnFit:
         """The hypothesis fitted to all views."""

@@ -33,6 +33,7 @@ class Specular(Effect):
 
     NAME: ClassVar[str] = "specular"
     ORDER: ClassVar[int] = 38
+    REPEATS: ClassVar[bool] = True
     UNEVEN: ClassVar[float] = 0.15  # Of the scene: gloss depends on facets that the CAD lacks.
     MEANING: ClassVar[str] = "shiny surfaces are measured wrongly: their highlights, and where they mirror another surface"
     REMEDY: ClassVar[str] = "spray the part matt, look at it from another direction, or mask its highlights"
@@ -59,6 +60,10 @@ class Specular(Effect):
     def needs_scene(self) -> bool:
         """Whether the coat is on one part."""
         return self.part >= 0
+
+    def occurs_beside(self, other: Effect) -> bool:
+        """Whether both are coats, each of a part of its own."""
+        return isinstance(other, Specular) and self.part != other.part and min(self.part, other.part) >= 0
 
     def columns(self, frame: Frame) -> Float:
         """The coat's share of the light, and the bias by light reflected by a lacquer, along z; both are 0 off the part."""

@@ -29,6 +29,7 @@ class Subsurface(Effect):
 
     NAME: ClassVar[str] = "subsurface"
     ORDER: ClassVar[int] = 32
+    REPEATS: ClassVar[bool] = True
     UNEVEN: ClassVar[float] = 0.15  # Of the scene: the depth of penetration varies over a part.
     MEANING: ClassVar[str] = "light enters a translucent part and returns late"
     REMEDY: ClassVar[str] = "spray the part matt, or mask it: light does not return from its surface"

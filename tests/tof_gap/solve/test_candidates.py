@@ -11,13 +11,19 @@ import pytest
 from tests.tof_gap.quiet_views import views
 from tests.tof_scene.solids import scene, wall
 from tof_gap.limits.seen import NoiseLimits
+from tof_gap.solve.candidate import Candidate
 from tof_gap.solve.candidates import candidates
+from tof_sensor.effects.amplitude_bias import AmplitudeBias
+from tof_sensor.effects.specular import Specular
+from tof_sensor.effects.subsurface import Subsurface
 from tof_sensor.effects.wiggling import Wiggling, periods
 from tof_sensor.frame import LIGHT_M_PER_S
 from tof_sensor.model import SensorModel, load_model, save_model
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from tof_sensor.effect import Effect
 
 
 @pytest.mark.parametrize("span_m", [0.05, 0.5, 4.0, 12.0])
@@ -34,3 +40,21 @@ def test_every_candidate_of_a_session_can_be_saved(tmp_path: Path) -> None:
     assert {"wiggling", "lens_scatter", "specular", "cad_deviation", "subsurface"} <= {e.NAME for e in effects}
     save_model(SensorModel(tuple(effects)), tmp_path / "sensor.yaml")
     assert len(load_model(tmp_path / "sensor.yaml").effects) == len(effects)
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "together"),
+    [
+        (Subsurface(part=0), Subsurface(part=1), True),
+        (Specular(part=0), Specular(part=1), True),
+        (Specular(part=0, modulation_mhz=50.0), Specular(part=0, modulation_mhz=100.0), False),
+        (Specular(part=0), Specular(), False),
+        (Specular(lobe_deg=5.0), Specular(lobe_deg=10.0), False),
+        (Wiggling(modulation_mhz=20.0), Wiggling(modulation_mhz=80.0), True),
+        (AmplitudeBias(form="log"), AmplitudeBias(form="inverse"), False),
+        (AmplitudeBias(), Wiggling(), True),
+    ],
+)
+def test_effects_of_a_part_occur_on_several_parts(one: Effect, other: Effect, together: bool) -> None:  # noqa: FBT001
+    a, b = (Candidate(e.NAME, e) for e in (one, other))
+    assert (a.excludes(b), b.excludes(a)) == (not together, not together)

@@ -21,7 +21,7 @@ LIMITS = SelectLimits()
 def candidate(name: str, *, free: Any = None, repeatable: bool = False, **effect: Any) -> Any:
     facts = {"SMEARS": False, "free_form": False, "LINEAR": ("a", "b"), "OWN": (), "bounds": (-np.ones(2), np.ones(2))} | effect
     made = None if free is not None or name == HAND_EYE else SimpleNamespace(**facts)
-    return SimpleNamespace(name=name, effect=made, free=free, repeatable=repeatable)
+    return SimpleNamespace(name=name, effect=made, free=free, excludes=lambda other: other.name == name and not repeatable)
 
 
 def selector(*candidates: Any, always: tuple[int, ...] = (), **design: Any) -> Selector:
