@@ -240,6 +240,12 @@ class NoiseLimits:
         high=1.0,
         why="a session in three hundred; three sessions with automatic exposure have 6e-5 at most",
     )
+    repeated: float = param(
+        2.0,
+        "variance of a bias by another light over the squared standard error of the mean of a dwell",
+        low=1.0,
+        why="1 with a new phase in each capture, and two captures may be alike; a supply that sags with the scene had 5 and 150",
+    )
     line_mm: float = param(0.5, "noise of whole rows or columns", unit="mm", low=0.0, why="the floor of a usual camera is 0.3 mm")
     line_share: float = param(0.25, "the same, over the median noise", low=0.0, high=1.0, why="less changes the total by 3 %")
     pixel_share: float = param(0.004, "share of noisy pixels", low=0.0, high=1.0, why="eight times the share by chance")

@@ -16,7 +16,8 @@ from tof_gap.seen.line_noise import line_map, line_noise, line_noise_by_view
 from tof_gap.seen.pattern import beside_pixels, single_pixels
 from tof_gap.seen.photons import automatic_exposure, binned, code_step, constant_part, fit_law, of_one_capture, quiet_law, view_ratio
 from tof_gap.seen.pixel_noise import confirmed, noisy_pixels, pixel_pattern
-from tof_gap.seen.stripes import beat, stripes
+from tof_gap.seen.repeated import repeated
+from tof_gap.seen.stripes import beat
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.quantization import Quantization
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from tof_gap.seen.photons import LawFit
     from tof_gap.seen.pixel_noise import NoisyPixels
     from tof_gap.seen.residual import ViewEvidence
-    from tof_gap.seen.stripes import Beat
     from tof_sensor.effects.photon_law import PhotonLaw
     from tof_sensor.session import NoiseBins
 
@@ -85,7 +85,9 @@ def noise_effects(
     if Interference.NAME not in left_out:
         wave = beat(views, limits.beat)
         if wave is not None and wave.size_m > limits.extra_mm * 1e-3:
-            return [_stripes(views, wave, float(np.median(b.amplitude)), limits)]
+            found = wave.finding(views, float(np.median(b.amplitude)), limits.beat)
+            if not repeated(views, found.common, limits.repeated):
+                return [found]
     b = of_one_capture(without_offsets(b, near), np.array([v.view.captures for v in views], float), step, limits)
     fitted = None if dark else fit_law(b, step, limits)
     exposed = fitted is not None and automatic_exposure(b, fitted, limits)
@@ -256,13 +258,6 @@ def without_noisy_pixels(views: Sequence[ViewEvidence], limits: NoiseLimits) -> 
     """The views less the pixels with a noise of their own: the photon law is fitted to the others."""
     found = _noisy(views, limits)
     return views if found is None else [replace(v, smooth=v.smooth & ~found.where) for v in views]
-
-
-def _stripes(views: Sequence[ViewEvidence], wave: Beat, reference: float, limits: NoiseLimits) -> Finding:
-    along = [stripes(v, wave.turns, wave.tilt, limits.beat) * h / v.frame.length for v, h in zip(views, wave.hit, strict=True)]
-    effect = Interference(burst_m=min(wave.size_m, most(Interference, "burst_m")), duty=float(wave.hit.mean()), reference=reference)
-    note = f"stripes of {wave.turns:g} turns in {int(wave.hit.sum())} of {len(views)} views"
-    return Finding(effect, CONFIDENT, share=np.abs(np.stack(along)), common=np.stack(along), note=note, structure=True)
 
 
 def _burst(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit, hit: Mask, limits: NoiseLimits) -> Finding | None:

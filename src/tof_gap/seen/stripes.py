@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.stats import beside, blocks
+from tof_gap.seen.finding import CONFIDENT, Finding, most
+from tof_sensor.effects.interference import Interference
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,6 +34,14 @@ class Beat:
     tilt: float
     hit: Mask
     size_m: float
+
+    def finding(self, views: Sequence[ViewEvidence], reference: float, limits: BeatLimits) -> Finding:
+        """The finding `interference`; reference: amplitude to which its size refers."""
+        along = [stripes(v, self.turns, self.tilt, limits) * h / v.frame.length for v, h in zip(views, self.hit, strict=True)]
+        size_m = min(self.size_m, most(Interference, "burst_m"))
+        effect = Interference(burst_m=size_m, duty=float(self.hit.mean()), reference=reference)
+        note = f"stripes of {self.turns:g} turns in {int(self.hit.sum())} of {len(views)} views"
+        return Finding(effect, CONFIDENT, share=np.abs(np.stack(along)), common=np.stack(along), note=note, structure=True)
 
 
 def beat(views: Sequence[ViewEvidence], limits: BeatLimits) -> Beat | None:

@@ -14,6 +14,7 @@ from tof_gap.seen.arm_steps import chance_of_following, chance_of_sagging, conte
 from tof_gap.seen.foreign_lamp import foreign_lamp
 from tof_gap.seen.foreign_light import ALONG, along_the_view, drifts_by_chance, foreign_light
 from tof_gap.seen.lost_by_line import lost_by_lines
+from tof_gap.seen.repeated import repeated
 from tof_gap.tell.figures import figures
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.ambient import Ambient
@@ -183,6 +184,8 @@ def _findings(
     lamp = None if Interference.NAME in left_out else foreign_lamp(left, config.noise.foreign_lamp)
     if lamp is not None:
         foreign = replace(lamp.finding(left, config.noise.foreign_light), posed_m=0.0 if foreign is None else foreign.posed_m)
+    if foreign is not None and repeated(left, foreign.common, config.noise.repeated):
+        foreign = None
     taken = left_out if foreign is None else left_out | {Interference.NAME}
     uneven = [*([] if foreign is None else [foreign]), *noise.noise_effects(beside, config.noise, taken, law, unmerged=unmerged)]
     by_lines = any(f.name == Dropout.NAME for f in gone) and lost_by_lines(left, lines, config.missing)

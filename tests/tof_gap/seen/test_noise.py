@@ -344,6 +344,16 @@ def test_stripes_in_some_views_are_interference() -> None:
     assert [f.name for f in noise_effects(seen, LIMITS)] == ["interference"], "beside a view that sees nothing"
 
 
+@pytest.mark.parametrize(("scatter_m", "name"), [(0.002, []), (0.005, ["interference"])])
+def test_stripes_that_all_captures_of_a_dwell_share_are_of_the_scene(scatter_m: float, name: list[str]) -> None:
+    row = np.arange(SHAPE[0])[None, :, None] / SHAPE[0]
+    phase = rng().uniform(0, 2 * np.pi, (VIEWS, 1, 1))
+    hit = np.isin(np.arange(VIEWS), (0, 2, 3, 7, 8))[:, None, None]
+    wave = 0.008 * np.sin(2 * np.pi * 8 * row + phase) * hit * np.ones((1, 1, SHAPE[1]))
+    seen = [replace(v, view=replace(v.view, captures=3, sigma=np.full(SHAPE, scatter_m, np.float32))) for v in views(rng(), wave)]
+    assert [f.name for f in noise_effects(seen, LIMITS)] == name
+
+
 def test_a_stereo_camera_is_told_by_its_scatter() -> None:
     rng = np.random.default_rng(5)
     assert not like_stereo(views(rng), LIMITS)

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A bias that the captures of a dwell share is no light of another clock."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tof_gap.seen.repeated import repeated
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
+    from tof_gap.seen.residual import ViewEvidence
+
+CAPTURES = 4
+STRIPES = np.sin(np.arange(SHAPE[0]) / 2.0)[:, None] * np.ones(SHAPE)
+
+
+def dwells(depth: Float) -> list[ViewEvidence]:
+    """Views with the mean and the standard error of captures `depth` (V, captures, H, W)."""
+    error = (depth.std(axis=1, ddof=1) / np.sqrt(depth.shape[1])).astype(np.float32)
+    seen = views(np.random.default_rng(0))
+    return [replace(v, view=replace(v.view, captures=depth.shape[1], sigma=e)) for v, e in zip(seen, error, strict=True)]
+
+
+@pytest.mark.parametrize(("own_phase", "same"), [(True, False), (False, True)])
+def test_a_new_phase_in_each_capture_is_noise_as_large_as_the_bias(own_phase: bool, same: bool) -> None:  # noqa: FBT001
+    rng = np.random.default_rng(1)
+    strength = rng.choice([-1.0, 1.0], (VIEWS, CAPTURES, 1, 1)) if own_phase else np.ones((VIEWS, CAPTURES, 1, 1))
+    captures = 0.004 * strength * STRIPES + rng.normal(0, 1e-3, (VIEWS, CAPTURES, *SHAPE))
+    bias = 0.004 * strength.mean(axis=1) * STRIPES
+    assert repeated(dwells(captures), bias, 2.0) == same
+
+
+def test_single_captures_and_views_without_the_bias_are_not_compared() -> None:
+    captures = np.random.default_rng(2).normal(0, 1e-3, (VIEWS, CAPTURES, *SHAPE))
+    assert not repeated(views(np.random.default_rng(0)), np.full((VIEWS, *SHAPE), 0.01), 2.0)
+    assert not repeated(dwells(captures), np.zeros((VIEWS, *SHAPE)), 2.0)
+    assert not repeated(dwells(captures), None, 2.0)
+    one = np.zeros((VIEWS, *SHAPE))
+    one[3] = 0.01
+    assert repeated(dwells(captures), one, 2.0)
+    assert not repeated(dwells(captures), one, 1e9)
