@@ -117,6 +117,25 @@ def test_other_noise_is_no_foreign_light(beyond: Float | float) -> None:
     assert Ambient.detect(session(beyond)) is None
 
 
+def test_noise_of_the_darkest_bins_alone_is_no_foreign_light() -> None:
+    """Half above the law, as with less modulated light, and more on grazing surfaces, which are the darkest."""
+    noise = session(0.0).noise
+    assert noise is not None
+    usual = LAW.variance(noise.amplitude, noise.surroundings2).reshape(VIEWS, BINS)
+    assert Ambient.detect(session(usual * (0.5 + 2.0 * (np.arange(BINS) < BINS // 4)))) is None
+
+
+@pytest.mark.parametrize(("uneven", "found"), [(0.2, True), (0.4, False)])
+def test_foreign_light_is_not_known_beside_bins_that_no_term_explains(uneven: float, found: bool) -> None:  # noqa: FBT001
+    """Creases and textures look like noise, by another amount in each bin."""
+    sunlight = light(1e-3, 0.0)
+    shape = np.exp(uneven * np.random.default_rng(3).standard_normal(sunlight.shape)) - 1.0
+    noise = session(0.0).noise
+    assert noise is not None
+    usual = LAW.variance(noise.amplitude, noise.surroundings2).reshape(sunlight.shape)
+    assert (Ambient.detect(session(sunlight + shape * (usual + sunlight))) is not None) == found
+
+
 def test_without_a_law_or_an_amplitude_image_the_reason_is_given() -> None:
     assert Ambient.not_testable(session(0.0)) is None
     assert (

@@ -22,7 +22,9 @@ from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.effects.interference import Interference
+from tof_sensor.effects.lens_scatter import LensScatter
 from tof_sensor.effects.motion import Motion
+from tof_sensor.effects.multipath import Multipath
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.temperature_drift import TemperatureDrift
@@ -190,16 +192,18 @@ def _findings(
     uneven = [*([] if foreign is None else [foreign]), *noise.noise_effects(beside, config.noise, taken, law, unmerged=unmerged)]
     by_lines = any(f.name == Dropout.NAME for f in gone) and lost_by_lines(left, lines, config.missing)
     kept = (f for f in gone if not (filtered(f, [*uneven, *gone]) or (by_lines and f.name == Dropout.NAME)))
-    return (*(f for f in light if not of_lost_charge(f, solved)), *uneven, *kept)
+    return (*(f for f in light if not of_own_light(f, solved)), *uneven, *kept)
 
 
-def of_lost_charge(found: Finding, solved: Solved) -> bool:
-    """Whether noise beyond the photon law is what charge that is held back leaves, as one cause of `amplitude_bias` does.
+def of_own_light(found: Finding, solved: Solved) -> bool:
+    """Whether noise beyond the photon law is that of the camera's own light, as a named effect changes it.
 
-    Traps take a constant charge from the signal, not from its photons: of the same amplitude, dark pixels then have more photon noise, in
-    excess by 1 / A^2, as read-out noise has. Foreign light off the surfaces has another excess.
+    Traps (`amplitude_bias`) take a constant charge from the signal, not from its photons: of the same amplitude, dark pixels then have more
+    photon noise, in excess by 1 / A^2, as read-out noise has. So it is with own light that reaches all pixels by other surfaces or by the
+    lens. Foreign light off the surfaces has another excess.
     """
-    return isinstance(found.effect, Ambient) and found.effect.like_read_out and solved.names(AmplitudeBias.NAME)
+    changes = (AmplitudeBias.NAME, LensScatter.NAME, Multipath.NAME)
+    return isinstance(found.effect, Ambient) and found.effect.like_read_out and any(map(solved.names, changes))
 
 
 def _arms_silent(solved: Solved, left_out: AbstractSet[str]) -> bool:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from tof_core.config import param
+from tof_core.stats import CHI2_MEDIAN
 from tof_sensor.effect import Detection, Effect, Evidence
 from tof_sensor.frame import with_noise
 
@@ -34,8 +35,17 @@ READ_OUT = (
 )
 """Remedy where ambient light and read-out noise cannot be distinguished."""
 BETTER = 0.9
-"""Ratio of misfits, with ambient light and with the camera's own noise alone, above which ambient light is not named: two more terms reduce
-the misfit by a tenth by chance."""
+"""Ratio of squared misfits, with ambient light and with the camera's own noise alone, above which ambient light is not named: two more terms
+reduce the misfit by chance, by 0.99 in healthy sessions."""
+KNOWN = 2.0
+"""Least ratio of the light's median variance to what all terms together leave of a usual bin. Cameras that average leave 0.3 to 0.5 of the
+variance, since creases and textures look like noise: no term of that size is known there. Sunlight in eleven sessions: 2.3 and more."""
+DARK = 0.25
+"""Share of the bins, the darkest, without which the light must be found again: grazing surfaces and weak light have noise of other causes."""
+CONFIRMED = 0.5
+"""Least ratio of the light's variance without these bins to that with them. Sunlight in eleven sessions: 0.7 and more; a long pulse: 0.36."""
+CAP2 = 9.0
+"""Largest squared misfit of a bin that counts in full, over the median's: beyond three standard deviations a bin holds edges."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,33 +134,42 @@ class Ambient(Effect):
         own = np.stack([np.ones_like(ratio), ratio, predicted], axis=1)
         foreign = np.stack([bins.surroundings2 * ratio, ratio**2], axis=1)
         either = np.concatenate([own, foreign], axis=1)
-        fitted = _fitted(either, excess, bins)
+        every = np.ones(len(ratio), bool)
+        fitted = _fitted(either, excess, bins, every)
         light = foreign @ fitted[own.shape[1] :]
-        if np.median(light / predicted) < LEAST_EXCESS or (of_view > 0.5 * LEAST_EXCESS).mean() < LEAST_SHARE:
+        share = float(np.median(light / predicted))
+        if share < LEAST_EXCESS or (of_view > 0.5 * LEAST_EXCESS).mean() < LEAST_SHARE:
             return None
-        if _misfit(either @ fitted, excess, predicted) > BETTER * _misfit(own @ _fitted(own, excess, bins), excess, predicted):
+        if share < KNOWN * float(np.median(np.abs(excess - either @ fitted) / bins.variance)):
+            return None
+        if _misfit2(either @ fitted, excess, bins) > BETTER * _misfit2(own @ _fitted(own, excess, bins, every), excess, bins):
+            return None
+        bright = bins.amplitude >= np.quantile(bins.amplitude, DARK)
+        again = foreign @ _fitted(either, excess, bins, bright)[own.shape[1] :]
+        if np.median((again / predicted)[bright]) < CONFIRMED * np.median((light / predicted)[bright]):
             return None
         surface, uniform = np.sqrt(fitted[own.shape[1] :])
         effect = cls(surface_m=min(float(surface), 0.2), uniform_m=min(float(uniform), 0.2), reference=law.reference)
-        times = float(np.sqrt(1.0 + np.median(light / predicted)))
+        times = float(np.sqrt(1.0 + share))
         or_own = ", from foreign light or the camera's read-out" if effect.like_read_out else ""
         return Detection(effect, 0.95, note=f"noise {times:.1f} times that of the photon law in --sensor{or_own}")
 
 
-def _fitted(X: Float, excess: Float, bins: NoiseBins) -> Float:
-    """Non-negative coefficients by least squares on relative errors, without outlying bins."""
+def _fitted(X: Float, excess: Float, bins: NoiseBins, among: Mask) -> Float:
+    """Non-negative coefficients by least squares on relative errors of the bins `among`, without outlying ones."""
     from scipy.optimize import nnls  # loads slowly, and only a fit needs it
 
     weight = np.sqrt(bins.samples / 2) / np.maximum(bins.variance, 1e-14)
-    keep: Mask = np.ones(len(excess), bool)
+    keep = among
     c = np.zeros(X.shape[1])
     for _ in range(3):
         c, _ = nnls(X[keep] * weight[keep, None], excess[keep] * weight[keep])
         off = np.abs((excess - X @ c) / np.maximum(bins.variance, 1e-14))
-        keep = off <= 4.0 * np.median(off[keep]) + 1e-12
+        keep = among & (off <= 4.0 * np.median(off[keep]) + 1e-12)
     return np.asarray(c)
 
 
-def _misfit(model: Float, excess: Float, predicted: Float) -> float:
-    """Median error of a model of the excess variance, as a share of the variance."""
-    return float(np.median(np.abs(excess - model) / (predicted + np.maximum(excess, 0.0))))
+def _misfit2(model: Float, excess: Float, bins: NoiseBins) -> float:
+    """Mean squared error of a model of the excess variance, in variances of each bin's estimate; outlying bins count as `CAP2` medians."""
+    error2 = ((excess - model) / np.maximum(bins.variance, 1e-14)) ** 2 * bins.samples / 2
+    return float(np.mean(np.minimum(error2, CAP2 / CHI2_MEDIAN * np.median(error2))))

@@ -14,7 +14,7 @@ from tof_gap.limits.foreign import ForeignLightLimits
 from tof_gap.limits.report import ReportLimits
 from tof_gap.seen.finding import Finding
 from tof_gap.solved import Named
-from tof_gap.tell.account import Account, Cause, filtered, of_lost_charge, unfounded, without_causes
+from tof_gap.tell.account import Account, Cause, filtered, of_own_light, unfounded, without_causes
 from tof_gap.tell.shrink import Errors, Shrink
 from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.dropout import Dropout
@@ -132,7 +132,10 @@ def naming(effect: str) -> Any:
 
 
 def test_noise_like_read_out_beside_an_amplitude_bias_is_of_charge_that_traps_hold_back() -> None:
-    assert of_lost_charge(light(0.0), naming("amplitude_bias"))
-    assert not of_lost_charge(light(0.002), naming("amplitude_bias")), "foreign light off the surfaces"
-    assert not of_lost_charge(light(0.0), naming("wiggling"))
-    assert not of_lost_charge(Finding(Noise(extra_m=0.001), 0.95), naming("amplitude_bias"))
+    assert of_own_light(light(0.0), naming("amplitude_bias"))
+    assert not of_own_light(light(0.002), naming("amplitude_bias")), "foreign light off the surfaces"
+    assert of_own_light(light(0.0), naming("multipath"))
+    assert of_own_light(light(0.0), naming("lens_scatter"))
+    assert not of_own_light(light(0.002), naming("multipath"))
+    assert not of_own_light(light(0.0), naming("wiggling"))
+    assert not of_own_light(Finding(Noise(extra_m=0.001), 0.95), naming("amplitude_bias"))
