@@ -314,6 +314,13 @@ def test_quantization_leaves_only_codes() -> None:
     np.testing.assert_allclose(depth / 0.005, np.round(depth / 0.005), atol=1e-9)
 
 
+def test_steps_along_the_ray_are_steps_of_range() -> None:
+    frame = plane_frame()
+    ranges = Quantization(step_m=0.005, along_ray=True).apply(frame, RNG).depth * frame.length
+    np.testing.assert_allclose(ranges / 0.005, np.round(ranges / 0.005), atol=1e-6)
+    assert np.abs(ranges - frame.depth * frame.length).max() == pytest.approx(0.0025, rel=0.05)
+
+
 def test_dropout_loses_half_at_its_threshold() -> None:
     frame = plane_frame(amplitude=np.full(CAMERA.shape, 2.0))
     np.testing.assert_allclose(Dropout(threshold=2.0).apply(frame, RNG).missing, 0.5)

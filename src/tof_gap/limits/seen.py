@@ -11,6 +11,25 @@ from tof_scene.world.limits import WorldLimits
 
 
 @dataclass(frozen=True, slots=True)
+class CodeLimits:
+    """When the range along the ray comes in steps."""
+
+    pixels: int = param(1000, "pixels of a view with depth", low=100, why="by chance, a share of 0.1 of them is on some code")
+    least_mm: float = param(1.5, "step", unit="mm", low=0.5, why="codes of 1 mm along z are usual, and finer ones do no harm")
+    share: float = param(0.5, "share of the ranges on codes", low=0.1, high=1.0, why="noise of a fifth of a step leaves 0.45")
+    harmonic: float = param(
+        0.9, "share of a longer step over that of the best", low=0.5, high=1.0, why="a half and a third of the step fit as well as it does"
+    )
+    spread: float = param(
+        1.0,
+        "longest step, over the standard deviation of the ranges",
+        low=0.1,
+        high=3.0,
+        why="by the scene alone, the share on such a step is 0.1 at most",
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class LevelLimits:
     """Estimate of a view's noise and of its depth code's step, from differences between neighbours."""
 
@@ -31,6 +50,7 @@ class LevelLimits:
         why="with noise of half a step, all fractions of a step are equally frequent to 2 %",
     )
     code_share: float = param(0.5, "codes per pixel above which depth is continuous", low=0.0, high=1.0, why="16-bit codes repeat")
+    of_range: CodeLimits = section(CodeLimits, "steps of the range along the ray")
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +76,9 @@ class PatternLimits:
     """When pixels have an offset of their own."""
 
     window_px: int = param(15, "side of the window of the high-pass", unit="px", low=3, high=199, why="what is wider is a smooth field")
+    area_px: int = param(
+        45, "side of the window beyond which an offset of areas is a smooth field", unit="px", low=5, high=999, why="a fifth of the image"
+    )
     sigma: float = param(4.0, "standard errors of the pixels' common variance", low=0.0, why="chance: 1 in 30,000")
     pixels: int = param(200, "pixels that both halves of the views see", low=10, why="the variance is known to 10 %")
     clip: float = param(0.002, "quantile at which products are clipped", low=0.0, high=0.4, why="one gross pixel must not decide")

@@ -16,6 +16,7 @@ from tof_gap.seen.line_noise import line_map, line_noise, line_noise_by_view
 from tof_gap.seen.pattern import beside_pixels, single_pixels
 from tof_gap.seen.photons import automatic_exposure, binned, code_step, constant_part, fit_law, of_one_capture, quiet_law, view_ratio
 from tof_gap.seen.pixel_noise import confirmed, noisy_pixels, pixel_pattern
+from tof_gap.seen.range_code import steps_along_ray
 from tof_gap.seen.repeated import repeated
 from tof_gap.seen.stripes import beat
 from tof_sensor.effects.interference import Interference
@@ -69,7 +70,8 @@ def noise_effects(
     """
     step = code_step(views)
     if step > limits.step_mm * 1e-3:  # Coarse steps make contours and uneven noise.
-        found = Finding(Quantization(step_m=step), 1.0, share=_constant(views, step / np.sqrt(12)))
+        coarse = Quantization(step_m=step, along_ray=steps_along_ray(views, step))
+        found = Finding(coarse, 1.0, share=_constant(views, step / np.sqrt(12)))
         return [] if Quantization.NAME in left_out else [found]
     # Structure, such as edges of texture and rounded creases, grows with distance as noise does that neighbours share. Only beside a
     # stated law is the variance itself asked for; else views and amplitudes are compared with each other, by next neighbours alone.

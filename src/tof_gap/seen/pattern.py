@@ -21,19 +21,20 @@ if TYPE_CHECKING:
     from tof_sensor.effects.fixed_pattern import FixedPattern
 
 
-def pattern_columns(view: ViewEvidence, seen: LineMeans, pattern: FixedPattern) -> Float:
-    """(n, k) at a view's drawn pixels: cosines of the field, of columns and of rows, then the line means of views in other folds.
+def pattern_columns(view: ViewEvidence, seen: LineMeans, areas: Float, pattern: FixedPattern) -> Float:
+    """(n, k) at a view's drawn pixels: cosines of the field, of columns and of rows, then areas and lines of the views in other folds.
 
-    The last column is estimated without the fold that judges it, so its held-out score is not biased; its coefficient is 1 where the
-    pattern is real.
+    Forms with blocks of columns and rows have a column for `areas` (H, W), metres along the ray. The last two columns are estimated
+    without the fold that judges them, so their held-out score is not biased; their coefficients are 1 where the pattern is real.
     """
     h, w = view.residual.shape
     by_column, by_row = seen
     row, column = np.divmod(view.pixels, w)
     smooth = cosines(h, w, pattern.order)[row, column]
     blocks = [line_cosines(n, pattern.order, pattern.lines)[at] for n, at in ((w, column), (h, row))]
+    of_areas = areas.ravel()[view.pixels, None] if pattern.lines else np.zeros((len(row), 0))
     lines = (by_column[column] + by_row[row])[:, None]
-    return np.concatenate([smooth, *blocks, lines], axis=1) / view.frame.length.ravel()[view.pixels, None]
+    return np.concatenate([smooth, *blocks, of_areas, lines], axis=1) / view.frame.length.ravel()[view.pixels, None]
 
 
 LineMeans = tuple["Float", "Float"]
@@ -156,7 +157,12 @@ def without_pattern(views: Sequence[ViewEvidence], bias: Sequence[Float], unsure
 
 def high_pass(view: ViewEvidence) -> Float:
     """(H, W) metres along the ray: residual less its local mean over the smooth pixels; NaN at other pixels."""
-    image, mask, window = view.residual * view.frame.length, view.smooth, view.limits.pattern.window_px
-    share = uniform_filter(mask.astype(float), window)
-    mean = uniform_filter(np.where(mask, image, 0.0), window) / np.maximum(share, 1e-9)
-    return np.where(mask, image - mean, np.nan)
+    image = view.residual * view.frame.length
+    return np.where(view.smooth, image - local_mean(view, view.limits.pattern.window_px), np.nan)
+
+
+def local_mean(view: ViewEvidence, window_px: int) -> Float:
+    """(H, W) metres along the ray: mean residual of the smooth pixels in the window around each pixel; 0 without any."""
+    image = np.where(view.smooth, view.residual * view.frame.length, 0.0)
+    share = uniform_filter(view.smooth.astype(float), window_px)
+    return np.asarray(uniform_filter(image, window_px) / np.maximum(share, 1e-9))

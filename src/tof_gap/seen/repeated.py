@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
 
 
-def repeated(views: Sequence[ViewEvidence], bias: Float | None, limit: float) -> bool:
+def repeated(views: Sequence[ViewEvidence], bias: Float | None, limit: float, steps2: Float | float = 0.0) -> bool:
     """Whether a bias that is attributed to another light is larger than captures of one dwell differ.
 
     A light of another clock has a new phase in each capture. The mean of n captures keeps 1 / n of the variance of such a bias, and n
@@ -24,14 +24,22 @@ def repeated(views: Sequence[ViewEvidence], bias: Float | None, limit: float) ->
         views: of one camera. Only views of several captures are compared; False without any.
         bias: (V, H, W) metres of z, 0 in views without the light; None where it is not known.
         limit: of its variance over the squared standard error of the mean.
+        steps2: (V,) square metres, squared steps of the camera along its axis that the light makes besides.
     """
     if bias is None:
         return False
-    several = [(v, b) for v, b in zip(views, bias, strict=True) if v.view.captures > 1 and v.smooth.any() and b[v.smooth].any()]
-    power, noise = (float(sum(x)) for x in zip(*(_squares(v, b) for v, b in several), strict=True)) if several else (0.0, 0.0)
-    return power > limit * noise
+    step2 = np.broadcast_to(steps2, len(views))
+    several = [
+        (_bias2(v, b) + s, _error2(v))
+        for v, b, s in zip(views, bias, step2, strict=True)
+        if v.view.captures > 1 and v.smooth.any() and (s > 0 or b[v.smooth].any())
+    ]
+    return bool(sum(power for power, _ in several) > limit * sum(noise for _, noise in several))
 
 
-def _squares(view: ViewEvidence, bias: Float) -> tuple[float, float]:
-    """Square metres: mean square of the bias over the smooth pixels, and of the standard error of the view's mean."""
-    return float(np.mean(bias[view.smooth] ** 2)), float(np.nanmean(view.view.sigma[view.smooth] ** 2))
+def _bias2(view: ViewEvidence, bias: Float) -> float:
+    return float(np.mean(bias[view.smooth] ** 2))
+
+
+def _error2(view: ViewEvidence) -> float:
+    return float(np.nanmean(view.view.sigma[view.smooth] ** 2))

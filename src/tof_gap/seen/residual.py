@@ -13,6 +13,7 @@ from tof_core.cores import in_threads
 from tof_gap.seen.correlation import INDEPENDENT, noise_correlation
 from tof_gap.seen.edges import excluded, smear, streaks
 from tof_gap.seen.level import depth_step, noise_level
+from tof_gap.seen.range_code import range_step
 from tof_scene.maps import concavity_map
 from tof_scene.rendering import depth_only
 from tof_sensor.known import as_ideal
@@ -149,8 +150,10 @@ def noise_again(views: Sequence[ViewEvidence]) -> tuple[ViewEvidence, ...]:
 
 
 def code_of(view: View, limits: LevelLimits) -> float:
-    """Metres between the camera's depth codes: as stated for a converted view, else as its depth shows them; 0 without codes."""
-    return view.code_m if view.code_m is not None else depth_step(view.depth.astype(np.float64), limits, view.captures)
+    """Metres between the camera's codes, of depth or of range along the ray: as stated for a converted view, else as seen; 0 without codes."""
+    if view.code_m is not None:
+        return view.code_m
+    return max(depth_step(view.depth.astype(np.float64), limits, view.captures), range_step(view, limits.of_range))
 
 
 def noise_of(residual: Float, keep: Mask, amplitude: Float, step_m: float, limits: LevelLimits, correlation: NoiseCorrelation) -> Float:

@@ -11,6 +11,7 @@ import numpy as np
 
 from tof_core import se3
 from tof_core.cores import in_threads
+from tof_gap.seen.areas import area_map
 from tof_gap.seen.pattern import line_means, single_pixels
 from tof_gap.seen.rendered import rendered_bias
 from tof_gap.seen.residual import single
@@ -91,7 +92,8 @@ def _pattern(joint: Joint, effect: FixedPattern, values: Float, fit_views: Seque
     by_column, by_row = line_means(views)
     pixels = single_pixels(views)
     field, line = values[: effect.order**2 - 1], values[-1]
-    blocks = np.split(values[len(field) : -1], 2)
+    areas = values[-2] * area_map(views) if effect.lines else np.zeros(0)
+    blocks = np.split(values[len(field) : -2 if effect.lines else -1], 2)
     lines = [
         line * seen + line_cosines(len(seen), effect.order, effect.lines) @ block
         for seen, block in zip((by_column, by_row), blocks, strict=True)
@@ -100,6 +102,7 @@ def _pattern(joint: Joint, effect: FixedPattern, values: Float, fit_views: Seque
         effect,
         values=tuple(float(v) for v in (*lines[0], *lines[1], *field)),
         lines=0,
+        areas=packed(areas) if effect.lines else "",
         pixels=packed(pixels.image) if pixels.size_m > 0 else "",
     )
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from tof_align.columns import ColumnSystem, Priors
 from tof_core.cores import in_blocks, in_threads
+from tof_gap.seen.areas import area_maps_of_others
 from tof_gap.seen.motion import moving
 from tof_gap.seen.pattern import line_means_of_others, pattern_columns
 from tof_gap.solve.candidate import Candidate
@@ -76,6 +77,7 @@ class ColumnStore:
         self._folds = folds
         self._thinned = [v.frame.take(v.pixels) for v in views]
         self._lines: list[LineMeans] = []
+        self._areas: list[Float] = []
         self._kept: dict[Effect | FreeFunction | None, list[Image]] = {}
 
     def of(self, tested: Sequence[Candidate]) -> list[list[Image]]:
@@ -86,6 +88,7 @@ class ColumnStore:
         missing = {c.source: c for c in tested if c.source not in self._kept}
         if not self._lines and any(isinstance(c.effect, FixedPattern) for c in missing.values()):
             self._lines = line_means_of_others(self.views, self._folds)
+            self._areas = area_maps_of_others(self.views, self._folds)
         by_view = in_threads(lambda v: [self._columns(c, v).astype(np.float32) for c in missing.values()], range(len(self.views)))
         self._kept |= dict(zip(missing, map(list, zip(*by_view, strict=True)), strict=True))
         return [self._kept[c.source] for c in tested]
@@ -97,7 +100,7 @@ class ColumnStore:
         if effect is None:
             return np.zeros((len(view.pixels), 0))
         if isinstance(effect, FixedPattern):  # Lines have no formula: they are estimated from the other views.
-            return pattern_columns(view, self._lines[v], effect)
+            return pattern_columns(view, self._lines[v], self._areas[v], effect)
         if effect.LOCAL:
             return np.asarray(effect.columns(self._thinned[v])[0])
         return effect.columns_at(view.frame, view.pixels)

@@ -28,6 +28,7 @@ from tof_sensor.effects.multipath import Multipath
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.temperature_drift import TemperatureDrift
+from tof_sensor.effects.time_sync import TimeSync
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -119,7 +120,8 @@ def account(
     give_back()
     gated = tuple(given) if along_ray is None else (*given, along_ray)
     arms_tell = not alone and not _arms_silent(solved, left_out)
-    follows, sags = _arm_signs(solved, config.noise.foreign_light) if arms_tell else (False, False)
+    # Late stamps move the cameras along their twist: what is left of that follows the drive.
+    follows, sags = _arm_signs(solved, config.noise.foreign_light) if arms_tell and not solved.names(TimeSync.NAME) else (False, False)
     findings = gated if alone else (*gated, *_findings(solved, config, law, left_out, follows=follows))
     counted = figures(solved, findings, rng, config.report)
     for share in (f.share for f in gated if f.share is not None):
@@ -186,7 +188,7 @@ def _findings(
     lamp = None if Interference.NAME in left_out else foreign_lamp(left, config.noise.foreign_lamp)
     if lamp is not None:
         foreign = replace(lamp.finding(left, config.noise.foreign_light), posed_m=0.0 if foreign is None else foreign.posed_m)
-    if foreign is not None and repeated(left, foreign.common, config.noise.repeated):
+    if foreign is not None and repeated(left, foreign.common, config.noise.repeated, _steps2(solved, foreign)):
         foreign = None
     taken = left_out if foreign is None else left_out | {Interference.NAME}
     uneven = [*([] if foreign is None else [foreign]), *noise.noise_effects(beside, config.noise, taken, law, unmerged=unmerged)]
@@ -222,6 +224,12 @@ def _arm_signs(solved: Solved, limits: ForeignLightLimits) -> tuple[bool, bool]:
 def steps_along(solved: Solved) -> Float:
     """(V,) arm errors along the optical axis over their standard deviations by the robot's prior."""
     return np.asarray((solved.arms / solved.arms_sd)[:, ALONG])
+
+
+def _steps2(solved: Solved, foreign: Finding) -> Float:
+    """(V,) square metres: squared steps along the optical axis beyond the robot's prior; 0 where foreign light makes none."""
+    beyond = solved.arms[:, ALONG] ** 2 - solved.arms_sd[:, ALONG] ** 2
+    return np.maximum(beyond, 0.0) * (foreign.posed_m > 0)
 
 
 def _named_m(solved: Solved) -> float:

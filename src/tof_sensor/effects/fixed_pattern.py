@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class FixedPattern(FieldEffect):
-    """dr(u, v) = one value per column, per row, a smooth field (docs/effects.md), and single pixels.
+    """dr(u, v) = one value per column, per row, a smooth field (docs/effects.md), areas of pixels, and single pixels.
 
     `values` are W columns, H rows, then `order`^2 - 1 cosines (DCT-II) without the constant, which is
-    `range_offset`. `pixels` is an image as text (`packed`), empty if pixels do not differ.
+    `range_offset`. `areas` and `pixels` are images as text (`packed`), empty if areas or pixels do not differ.
     """
 
     NAME: ClassVar[str] = "fixed_pattern"
@@ -46,6 +46,7 @@ class FixedPattern(FieldEffect):
     lines: int = param(
         0, "cosines of columns and of rows that are fitted beyond those of the smooth field, up to this number", low=0, high=64
     )
+    areas: str = param("", "errors of areas of pixels beyond that: an image as of `pixels`")
     pixels: str = param("", "errors of single pixels beyond that: int16 in steps of 10 um, row after row, deflated, base64")
 
     def columns(self, frame: Frame) -> Float:
@@ -70,7 +71,7 @@ class FixedPattern(FieldEffect):
             ConfigError: the pattern belongs to another raster.
         """
         h, w = frame.depth.shape
-        field = np.zeros((h, w)) if not self.pixels else unpacked(self.pixels, (h, w))
+        field = sum((unpacked(image, (h, w)) for image in (self.areas, self.pixels) if image), np.zeros((h, w)))
         if self.values:
             v = np.asarray(self.values)
             if len(v) != w + h + self.order**2 - 1:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Quantization(Effect):
-    """Rounding to multiples of `step_m` (1 mm: Azure Kinect; docs/effects.md)."""
+    """Rounding of depth, or of the range along the ray, to multiples of `step_m` (1 mm: Azure Kinect; docs/effects.md)."""
 
     NAME: ClassVar[str] = "quantization"
     ORDER: ClassVar[int] = 86
@@ -26,18 +26,20 @@ class Quantization(Effect):
     EVIDENCE: ClassVar[Evidence] = Evidence.NOISE
 
     step_m: float = param(0.0, "step of the depth code", unit="m", low=0.0, high=0.1)
+    along_ray: bool = param(False, "whether the range along the ray has steps, and not depth along z")
 
     @property
     def stated(self) -> str:
         """The step."""
-        return f"steps of {1e3 * self.step_m:.1f} mm"
+        return f"steps of {1e3 * self.step_m:.1f} mm" + (" along the ray" if self.along_ray else "")
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
-        """Round depth to the step."""
+        """Round depth or range to the step."""
         del rng
         if self.step_m <= 0:
             return frame
-        depth = np.round(frame.depth / self.step_m) * self.step_m
+        step = self.step_m / frame.length if self.along_ray else self.step_m
+        depth = np.round(frame.depth / step) * step
         return replace(frame, depth=depth, sigma=np.hypot(frame.sigma, self.step_m / np.sqrt(12)))
 
     @property

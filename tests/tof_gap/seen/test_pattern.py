@@ -48,7 +48,8 @@ def test_steps_between_groups_of_columns_need_the_cosines_of_columns(pattern: Fi
     seen = views(RNG, np.stack([np.broadcast_to(steps, SHAPE)] * VIEWS))
     folds = np.arange(VIEWS) % 4
     lines = line_means_of_others(seen, folds)
-    columns = np.concatenate([pattern_columns(view, of_view, pattern) for view, of_view in zip(seen, lines, strict=True)])
+    none = np.zeros(SHAPE)
+    columns = np.concatenate([pattern_columns(view, of_view, none, pattern) for view, of_view in zip(seen, lines, strict=True)])
     depth = np.concatenate([np.broadcast_to(steps, SHAPE).ravel()[v.pixels] / v.frame.length.ravel()[v.pixels] for v in seen])
     fitted = columns @ np.linalg.lstsq(columns, depth, rcond=None)[0]
     assert 1e3 * np.sqrt(np.mean((depth - fitted) ** 2)) == pytest.approx(left_mm, abs=0.15)

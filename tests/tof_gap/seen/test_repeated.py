@@ -36,6 +36,12 @@ def test_a_new_phase_in_each_capture_is_noise_as_large_as_the_bias(own_phase: bo
     assert repeated(dwells(captures), bias, 2.0) == same
 
 
+@pytest.mark.parametrize(("step_m", "same"), [(2e-4, False), (2e-3, True)])
+def test_steps_of_the_camera_count_as_bias(step_m: float, same: bool) -> None:  # noqa: FBT001
+    captures = np.random.default_rng(2).normal(0, 1e-3, (VIEWS, CAPTURES, *SHAPE))
+    assert repeated(dwells(captures), np.zeros((VIEWS, *SHAPE)), 2.0, np.full(VIEWS, step_m**2)) == same
+
+
 def test_single_captures_and_views_without_the_bias_are_not_compared() -> None:
     captures = np.random.default_rng(2).normal(0, 1e-3, (VIEWS, CAPTURES, *SHAPE))
     assert not repeated(views(np.random.default_rng(0)), np.full((VIEWS, *SHAPE), 0.01), 2.0)
