@@ -29,7 +29,9 @@ TRANSPORTS = (DEPTH_TRANSPORT, "compressed")
 """Last parts of image_transport's names of compressed topics."""
 
 DEPTH_WORDS = frozenset({"depth", "distance", "range"})
-AMPLITUDE_WORDS = frozenset({"ir", "amplitude", "infra", "infrared", "intensity", "nir"})
+AMPLITUDE_WORDS = frozenset(
+    {"ir", "amplitude", "infra", "infrared", "intensity", "nir", "photons", "reflectance", "reflectivity", "signal"}
+)
 COLOUR_WORDS = frozenset({"camera", "color", "colour", "rgb"})
 DERIVED_WORDS = frozenset({"registered", "confidence", "mask", "sigma", "noise", "count", "reason", "label", "preproc", "infer"})
 """Words of images derived from a depth image: candidates only where there is no other."""

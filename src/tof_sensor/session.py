@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from tof_sensor.effects.photon_law import PhotonLaw
     from tof_sensor.frame import Frame
 
+NO_AMPLITUDE = "no amplitude image (if the recording has one under another name, pass --amplitude-topic)"
+"""Why an effect that depends on amplitude cannot be tested."""
 WARMING_K = 0.5
 """Least change of temperature that counts, kelvin: the resolution of a usual camera's thermometer."""
 WARMING_S = 60.0

@@ -16,7 +16,7 @@ from tof_scene.builtin import write_builtin
 from tof_scene.scene_file import load_scene
 from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.photon_law import PhotonLaw
-from tof_sensor.session import NoiseBins, Session
+from tof_sensor.session import NO_AMPLITUDE, NoiseBins, Session
 from tof_virtual.config import VirtualConfig
 from tof_virtual.record import record
 from toftwin.cli import main
@@ -142,7 +142,7 @@ def test_without_a_law_or_an_amplitude_image_the_reason_is_given() -> None:
         Ambient.not_testable(session(0.0, law=None))
         == "no noise to compare with: pass --sensor with the sensor.yaml of a session of this camera without ambient light"
     )
-    assert Ambient.not_testable(replace(session(0.0), has_amplitude=False)) == "no amplitude image"
+    assert Ambient.not_testable(replace(session(0.0), has_amplitude=False)) == NO_AMPLITUDE
 
 
 @pytest.mark.slow

@@ -29,7 +29,7 @@ from tof_sensor.effects.time_sync import TimeSync
 from tof_sensor.effects.wiggling import Wiggling
 from tof_sensor.frame import Context
 from tof_sensor.registry import EFFECTS, VOCABULARY
-from tof_sensor.session import Session, SessionView
+from tof_sensor.session import NO_AMPLITUDE, Session, SessionView
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -88,8 +88,8 @@ def test_an_effect_is_found_by_standing_in_the_folder(tmp_path: Path) -> None:
         (TemperatureDrift, session(Context(time_s=0.0), Context(time_s=90.0)), None),
         # A thermometer lags: its reading hardly moves while lamp and sensor warm up.
         (TemperatureDrift, session(Context(temperature=30.0), Context(temperature=30.03, time_s=90.0)), None),
-        (AmplitudeBias, session(has_amplitude=False), "no amplitude image"),
-        (Noise, session(has_amplitude=False), "no amplitude image: rows and single pixels alone can show it"),
+        (AmplitudeBias, session(has_amplitude=False), NO_AMPLITUDE),
+        (Noise, session(has_amplitude=False), f"{NO_AMPLITUDE}; rows and single pixels alone can show it"),
         (
             Multipath,
             session(modulated=False),

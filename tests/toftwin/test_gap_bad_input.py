@@ -50,7 +50,11 @@ def test_effects_that_a_minimal_session_cannot_test_are_listed(bare: tuple[str, 
     assert main(["gap", bag, "--scene", scene, "--out", str(tmp_path)]) == 0
     report = json.loads((tmp_path / "gap.json").read_text())
     why = report["not_testable"]
-    assert why["amplitude_bias"] == why["lens_scatter"] == "no amplitude image"
+    assert (
+        why["amplitude_bias"]
+        == why["lens_scatter"]
+        == "no amplitude image (if the recording has one under another name, pass --amplitude-topic)"
+    )
     assert why["motion"] == why["time_sync"] == "no view was taken in motion"
     assert why["temperature_drift"] == "the temperature is steady or unknown, and the session is shorter than 60 s"
     assert report["verdict"] == ["none"]

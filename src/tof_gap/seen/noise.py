@@ -61,12 +61,15 @@ def noise_effects(
     law: PhotonLaw | None = None,
     *,
     unmerged: bool = False,
+    piled_up: bool = False,
 ) -> list[Finding]:
     """`quantization`, or else `interference` or `noise`, where noise shows them and they are not left out.
 
     law: the camera's photon law as `--sensor` states it; noise within it is no effect.
     unmerged: whether the camera fails to merge its frequencies. Then noise no longer follows the law, and few amplitudes are left to
     fit it; noise at every amplitude, of some views or of all, is no effect of its own.
+    piled_up: whether photons hide later ones, as `amplitude_bias` in proportion to the light shows: more light then adds no counts, and the
+    noise that is left in bright light is no effect of its own.
     """
     step = code_step(views)
     if step > limits.step_mm * 1e-3:  # Coarse steps make contours and uneven noise.
@@ -99,7 +102,7 @@ def noise_effects(
     if Noise.NAME in left_out:
         return []
     usual = law is not None and np.median(b.variance / law.variance(b.amplitude, b.surroundings2)) < 1.0 + limits.law_excess
-    return _noise(views, near, b, None if usual or unmerged or exposed else fitted, limits)
+    return _noise(views, near, b, None if usual or unmerged or exposed or piled_up else fitted, limits)
 
 
 def without_offsets(b: NoiseBins, views: Sequence[ViewEvidence]) -> NoiseBins:

@@ -188,10 +188,13 @@ def _findings(
     lamp = None if Interference.NAME in left_out else foreign_lamp(left, config.noise.foreign_lamp)
     if lamp is not None:
         foreign = replace(lamp.finding(left, config.noise.foreign_light), posed_m=0.0 if foreign is None else foreign.posed_m)
-    if foreign is not None and repeated(left, foreign.common, config.noise.repeated, _steps2(solved, foreign)):
+    if foreign is not None and repeated(left, foreign.common, config.noise.repeated, steps2(solved) * (foreign.posed_m > 0)):
         foreign = None
     taken = left_out if foreign is None else left_out | {Interference.NAME}
-    uneven = [*([] if foreign is None else [foreign]), *noise.noise_effects(beside, config.noise, taken, law, unmerged=unmerged)]
+    uneven = [
+        *([] if foreign is None else [foreign]),
+        *noise.noise_effects(beside, config.noise, taken, law, unmerged=unmerged, piled_up=_piled_up(solved)),
+    ]
     by_lines = any(f.name == Dropout.NAME for f in gone) and lost_by_lines(left, lines, config.missing)
     kept = (f for f in gone if not (filtered(f, [*uneven, *gone]) or (by_lines and f.name == Dropout.NAME)))
     return (*(f for f in light if not of_own_light(f, solved)), *uneven, *kept)
@@ -206,6 +209,11 @@ def of_own_light(found: Finding, solved: Solved) -> bool:
     """
     changes = (AmplitudeBias.NAME, LensScatter.NAME, Multipath.NAME)
     return isinstance(found.effect, Ambient) and found.effect.like_read_out and any(map(solved.names, changes))
+
+
+def _piled_up(solved: Solved) -> bool:
+    """Whether an error in proportion to the light is named: photons that hide later ones."""
+    return any(isinstance(e, AmplitudeBias) and e.form == "direct" and e.direct_m != 0.0 for n in solved.named for e in n.effects)
 
 
 def _arms_silent(solved: Solved, left_out: AbstractSet[str]) -> bool:
@@ -226,10 +234,9 @@ def steps_along(solved: Solved) -> Float:
     return np.asarray((solved.arms / solved.arms_sd)[:, ALONG])
 
 
-def _steps2(solved: Solved, foreign: Finding) -> Float:
-    """(V,) square metres: squared steps along the optical axis beyond the robot's prior; 0 where foreign light makes none."""
-    beyond = solved.arms[:, ALONG] ** 2 - solved.arms_sd[:, ALONG] ** 2
-    return np.maximum(beyond, 0.0) * (foreign.posed_m > 0)
+def steps2(solved: Solved) -> Float:
+    """(V,) square metres: squared arm errors along the optical axis beyond the variance by the robot's prior."""
+    return np.maximum(solved.arms[:, ALONG] ** 2 - solved.arms_sd[:, ALONG] ** 2, 0.0)
 
 
 def _named_m(solved: Solved) -> float:

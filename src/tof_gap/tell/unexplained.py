@@ -12,6 +12,7 @@ from scipy.ndimage import binary_dilation
 from tof_gap.seen.lost import brightest, expected, lost
 from tof_gap.seen.residual import gross_bound
 from tof_gap.seen.smeared import smeared
+from tof_gap.tell.account import steps2
 from tof_gap.tell.block_means import block_means, unbiased2
 from tof_gap.tell.figures import away_from_edges
 from tof_gap.tell.where import by_quantity
@@ -48,8 +49,8 @@ class Unexplained:
     """The gap that is left above the floor once all named effects are subtracted.
 
     rmse_mm: RMS of block means above the floor, weighted by information; structured: whether it is more than errors of the named
-    effects' maps; share: the part of the gap's energy that is left or that free functions of an observable describe, 0 without
-    structure; depends_on: quantities that it varies with, most first; where: parts that carry it, most first; gross: share of pixels
+    effects' maps; share: the part of the gap's energy that is left, that free functions of an observable describe, or that steps of the
+    camera along its axis absorb which are no errors of the arm, 0 without structure; depends_on: quantities that it varies with, most first; where: parts that carry it, most first; gross: share of pixels
     away from edges with an error that no bias reaches, 0 where they are as few as tools and cables make; resembles: effects that were
     taken out since the views contradict their maps (`tell.contradicted`): a similar mechanism acts there.
     """
@@ -119,7 +120,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
         structured=True,
         depends_on=(*((LOST,) if gone.any() else ()), *(depends_on or _depends_on(views, left, floor2, limits))),
         where=tuple(scene.parts[i].name for i in order[: limit.parts]),
-        share=_share(size**2, (1e3 * solved.unnamed_m) ** 2, before2),
+        share=_share(size**2, (1e3 * solved.unnamed_m) ** 2 + _in_steps2(found), before2),
         gross=gross if gross > limit.gross_share else 0.0,
         resembles=tuple(contradicted),
     )
@@ -152,8 +153,13 @@ def off_parts(left: BlockMeans, before: BlockMeans, parts: int, views: int, limi
 
 
 def _share(left2: float, free2: float, before2: float) -> float:
-    """Share of the gap that no named effect explains: error left and error of free functions, over both and the gap (all in mm^2)."""
+    """Share of the gap that no named effect explains: error left, and error of free functions and in steps, over all and the gap (all in mm^2)."""
     return min((left2 + free2) / max(before2 + free2, left2 + free2), 1.0)
+
+
+def _in_steps2(found: Account) -> float:
+    """mm^2: squared error that steps of the camera along its axis absorb, where these are no errors of the arm."""
+    return 1e6 * float(steps2(found.solved).mean()) if found.pushed or found.follows else 0.0
 
 
 def misfit(before: Sequence[Float], left: Sequence[Float], floor2: Sequence[Float], noise_known: float) -> float:

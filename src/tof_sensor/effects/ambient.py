@@ -12,6 +12,7 @@ from tof_core.config import param
 from tof_core.stats import CHI2_MEDIAN
 from tof_sensor.effect import Detection, Effect, Evidence
 from tof_sensor.frame import with_noise
+from tof_sensor.session import NO_AMPLITUDE
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Mask
@@ -111,7 +112,7 @@ class Ambient(Effect):
     def lacks(cls, session: Session) -> str:
         """An amplitude image, a photon law to compare with, or one exposure."""
         if not session.has_amplitude:
-            return "no amplitude image"
+            return NO_AMPLITUDE
         if session.exposed:
             return "exposure is automatic: views are noisier the brighter they are, at the same amplitude"
         return (

@@ -12,6 +12,7 @@ from tof_core.config import param
 from tof_sensor.action import BRIGHTER, FARTHER, NEARER
 from tof_sensor.curve import CurveEffect
 from tof_sensor.effect import Finer, Form, stack
+from tof_sensor.session import NO_AMPLITUDE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -88,7 +89,7 @@ class AmplitudeBias(CurveEffect):
     @classmethod
     def lacks(cls, session: Session) -> str:
         """The amplitude image, if missing."""
-        return "" if session.has_amplitude else "no amplitude image"
+        return "" if session.has_amplitude else NO_AMPLITUDE
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:

@@ -13,6 +13,7 @@ from tof_core.config import param
 from tof_sensor.action import ASIDE, FARTHER, NEARER
 from tof_sensor.effect import Effect, Finer, Form
 from tof_sensor.frame import LIGHT_M_PER_S, MODULATION
+from tof_sensor.session import NO_AMPLITUDE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -79,7 +80,7 @@ class LensScatter(Effect):
     @classmethod
     def lacks(cls, session: Session) -> str:
         """The amplitude image, if missing."""
-        return "" if session.has_amplitude else "no amplitude image"
+        return "" if session.has_amplitude else NO_AMPLITUDE
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:

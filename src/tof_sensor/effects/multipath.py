@@ -70,7 +70,11 @@ class Multipath(Effect):
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """Two frequencies: the bias hardly depends on frequency."""
+        """Two frequencies, on which the bias hardly depends; and one at which only light of short detours counts, as with a short pulse."""
         del session
-        for mhz in (30.0, 90.0):
+        for mhz in (30.0, 90.0, SHORT_PULSE_MHZ):
             yield Form(cls(modulation_mhz=mhz), f"{mhz:g} MHz")
+
+
+SHORT_PULSE_MHZ = 300.0
+"""A camera that looks for the peak of a pulse of half a nanosecond takes in light that comes at most 0.25 m later: half of this wave."""

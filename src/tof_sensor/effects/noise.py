@@ -11,6 +11,7 @@ import numpy as np
 from tof_core.config import param
 from tof_sensor.effect import Effect, Evidence
 from tof_sensor.frame import with_noise
+from tof_sensor.session import NO_AMPLITUDE
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float
@@ -62,4 +63,4 @@ class Noise(Effect):
     @classmethod
     def lacks(cls, session: Session) -> str:
         """The amplitude image, which the photon law needs, if missing."""
-        return "" if session.has_amplitude else "no amplitude image: rows and single pixels alone can show it"
+        return "" if session.has_amplitude else f"{NO_AMPLITUDE}; rows and single pixels alone can show it"

@@ -379,3 +379,9 @@ def test_surfaces_whose_depth_code_never_changes_make_no_stereo_camera() -> None
 
 def test_pixels_that_err_alike_in_every_view_are_no_noise() -> None:
     assert said(np.tile(rng().normal(0, 0.004, (1, *SHAPE)), (VIEWS, 1, 1))) == []
+
+
+def test_noise_that_is_left_where_photons_hide_later_ones_is_no_effect_of_its_own() -> None:
+    seen = views(np.random.default_rng(3), rng().normal(0, 0.006, (VIEWS, *SHAPE)))
+    assert [f.name for f in noise_effects(seen, LIMITS)] == ["noise"]
+    assert noise_effects(seen, LIMITS, piled_up=True) == []

@@ -19,6 +19,7 @@ from tof_gap.tell.account import _findings, _gap, _named_m, _rough_m, account
 from tof_gap.tell.diagnosis import Diagnosis, doubted
 from tof_gap.tell.floor import _unshared, shown2
 from tof_gap.tell.shrink import Errors, Shrink
+from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.motion import Motion
@@ -156,6 +157,8 @@ def detectors(monkeypatch: pytest.MonkeyPatch, **given: Any) -> dict[str, Any]:
     monkeypatch.setattr(room, "foreign_lamp", says("lamp", None))
     monkeypatch.setattr(missing, "missing_effects", says("gone", []))
     monkeypatch.setattr(noise, "noise_effects", says("noise", []))
+    monkeypatch.setattr(room, "repeated", says("repeated", False))
+    monkeypatch.setattr(room, "steps2", lambda _solved: 4e-6)
     monkeypatch.setattr(noise, "lines_found", lambda _views, _limits: ["rows"])
     monkeypatch.setattr(noise, "beside_lines", lambda views, lines: (views, "beside", *lines))
     monkeypatch.setattr(noise, "smooth_by_lines", lambda _views, lines, _limits: LINES_M * len(lines))
@@ -166,7 +169,9 @@ def findings_of(*, motion: bool = False, follows: bool = False, left_out: frozen
     solved: Any = SimpleNamespace(
         **{**vars(SOLVED), "bare": "bare", "arms": "arms", "arms_sd": "sd", "names": lambda name: motion and name == Motion.NAME}
     )
-    config: Any = SimpleNamespace(noise=SimpleNamespace(foreign_light="fl", foreign_lamp="lamp"), missing="missing", report=ReportLimits())
+    config: Any = SimpleNamespace(
+        noise=SimpleNamespace(foreign_light="fl", foreign_lamp="lamp", repeated=2.0), missing="missing", report=ReportLimits()
+    )
     return _findings(solved, config, None, left_out, follows=follows)
 
 
@@ -184,6 +189,27 @@ def test_foreign_light_is_a_finding_that_noise_does_not_name_again(monkeypatch: 
     told = detectors(monkeypatch, foreign=LIGHT)
     assert findings_of(follows=True) == (), "arm errors that follow the views"
     assert "foreign" not in told
+
+
+def test_foreign_light_that_the_captures_of_a_dwell_share_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    told = detectors(monkeypatch, foreign=LIGHT, repeated=True)
+    assert findings_of() == ()
+    assert told["repeated"] == ("bare", LIGHT.common, 2.0, 4e-6), "steps of the camera count as well"
+    assert told["noise"][2] == frozenset()
+
+
+@pytest.mark.parametrize(
+    ("effect", "piled_up"),
+    [(AmplitudeBias(form="direct", direct_m=-0.01), True), (AmplitudeBias(form="direct"), False), (AmplitudeBias(per_ln_m=0.01), False)],
+)
+def test_noise_is_judged_beside_photons_that_hide_later_ones(
+    monkeypatch: pytest.MonkeyPatch, effect: AmplitudeBias, *, piled_up: bool
+) -> None:
+    told = detectors(monkeypatch)
+    monkeypatch.setattr(SOLVED, "named", [*SOLVED.named, SimpleNamespace(name="amplitude_bias", effects=(effect,))])
+    monkeypatch.setattr(SOLVED, "sizes", {**SOLVED.sizes, "amplitude_bias": 1e-3})
+    findings_of()
+    assert told["noise"][-1] is piled_up
 
 
 @pytest.mark.parametrize(("posed_m", "named"), [(1.33e-3, False), (1.35e-3, True)])
@@ -230,7 +256,7 @@ def test_what_a_filter_removed_is_no_loss_and_failed_merging_is_told_to_noise(mo
     ):
         told = detectors(monkeypatch, gone=gone, noise=scatter, light=[])
         assert findings_of() == expected
-        assert told["noise"][-1] is unmerged
+        assert told["noise"][-2] is unmerged
         assert ("light" in told) is not unmerged
 
 
