@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 CELL_M = 5e-5
 """Metres: width of the cells in which ranges are counted, a thirtieth of the finest step that is looked for."""
+FARTHEST_M = 20.0
+"""Metres: farther depths are of another kind of camera, or junk; they would take memory for cells between them."""
 LONGEST_M = 0.1
 """Metres: longest step, the most that `quantization` states."""
 
@@ -29,7 +31,7 @@ def range_step(view: View, limits: CodeLimits) -> float:
     of n captures lies on the codes' n-th parts.
     """
     ranges = view.depth.astype(np.float64) * view.camera.ray_length()
-    ranges = ranges[np.isfinite(ranges)]
+    ranges = ranges[np.abs(ranges) < FARTHEST_M]
     if len(ranges) < limits.pixels:
         return 0.0
     counts = np.bincount(((ranges - ranges.min()) / CELL_M).astype(np.int64))

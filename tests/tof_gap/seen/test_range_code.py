@@ -52,6 +52,12 @@ def test_depth_in_whole_millimetres_or_coarser_along_z_is_no_step_of_range() -> 
         assert range_step(view(np.round(z / step) * step), CodeLimits()) == 0.0
 
 
+def test_junk_that_is_kilometres_away_takes_no_memory() -> None:
+    junk = recorded(0.0112, 0.001, 1)
+    junk.ravel()[:50] = 1e30
+    assert range_step(view(junk), CodeLimits()) == pytest.approx(0.0112, rel=0.01)
+
+
 def test_few_pixels_or_a_step_above_the_largest_show_nothing() -> None:
     few = np.full(SHAPE, np.nan)
     few.ravel()[:500] = recorded(0.0112, 0.001, 1).ravel()[:500]
