@@ -14,6 +14,7 @@ from tof_gap.solve.small import without_small
 from tof_gap.solve.ties import stand_ins
 from tof_gap.solve.worth import coefficients, rescored, visible_m, worth
 from tof_sensor.curve import CurveEffect
+from tof_sensor.effects.intrinsics import Intrinsics
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -51,7 +52,7 @@ def select(design: Design, config: SelectLimits, begun: Sequence[int] = ()) -> S
     ends = [_grown(judge, members) for members in dict.fromkeys([(), tuple(begun)])]
     best = min(ends, key=lambda end: judge.score(end.members, ends[0].inflate).score)
     current, small = without_small(judge, best)
-    current, suspected = with_suspect(judge, _prune(judge, current))
+    current, suspected = with_suspect(judge, with_lens(judge, _prune(judge, current)))
     return replace(_described(judge, current, small), suspected=suspected)
 
 
@@ -127,6 +128,19 @@ def _curved(judge: Selector, current: Hypothesis) -> Hypothesis:
     return current
 
 
+def with_lens(judge: Selector, current: Hypothesis) -> Hypothesis:
+    """The hypothesis with a wrong lens where the lens that every hypothesis contains contradicts its calibration.
+
+    That lens absorbs a wrong one, against a prior that weighs little beside thousands of pixels: freeing it hardly explains more.
+    """
+    candidates = judge.design.candidates
+    if not judge.needed_by_calibration(Intrinsics.NAME, current):
+        return current
+    forms = [i for i, c in enumerate(candidates) if c.name == Intrinsics.NAME and not judge.repeats(i, current.members)]
+    trials = [judge.score([*current.members, i], current.inflate) for i in forms]
+    return rescored(judge, min(trials, key=lambda trial: trial.score).members) if trials else current
+
+
 def _has_no_formula(judge: Selector, member: int) -> bool:
     effect = judge.design.candidates[member].effect
     return isinstance(effect, CurveEffect) and effect.free_form
@@ -147,12 +161,15 @@ def weak(judge: Selector, current: Hypothesis) -> list[tuple[float, int]]:
     return [
         (v, i)
         for i, (gain, v) in enumerate(zip(lost, visible, strict=True))
-        if gain < judge.gain(current.members[i])
-        or of_effect[i] < judge.share(current.members[i]) * total
-        or gain < judge.config.absorbed * _absorbable(judge, current, i)
-        or gain < _lacking(judge, current, i)
-        or gain < _rough(judge, current, i, lost)
-        or not shown(judge, current, i)
+        if not judge.needed_by_calibration(judge.design.candidates[current.members[i]].name, current)
+        and (
+            gain < judge.gain(current.members[i])
+            or of_effect[i] < judge.share(current.members[i]) * total
+            or gain < judge.config.absorbed * _absorbable(judge, current, i)
+            or gain < _lacking(judge, current, i)
+            or gain < _rough(judge, current, i, lost)
+            or not shown(judge, current, i)
+        )
     ]
 
 
@@ -214,10 +231,16 @@ def _along(judge: Selector, current: Hypothesis, place: int, others_at: Sequence
 
 
 def _rough(judge: Selector, current: Hypothesis, place: int, lost: Float) -> float:
-    """Chi-square that errors of the other members' maps may leave; infinite for hand-eye beside motion, which shifts edges."""
+    """Chi-square that errors of the other members' maps may leave; infinite for hand-eye beside motion, which shifts edges.
+
+    Maps leave residuals; hand-eye and a lens beside its calibration hardly explain residuals, but errors against priors.
+    """
     effects = [judge.design.candidates[m].effect for m in current.members]
-    if judge.frees_hand([current.members[place]]):
-        return np.inf if any(e is not None and e.SMEARS for e in effects) else 0.0
+    member = current.members[place]
+    if judge.frees_hand([member]) and any(e is not None and e.SMEARS for e in effects):
+        return np.inf
+    if judge.against_priors(member):
+        return 0.0
     return max((e.ROUGH * lost[i] for i, e in enumerate(effects) if e is not None and i != place), default=0.0)
 
 

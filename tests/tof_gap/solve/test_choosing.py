@@ -12,7 +12,7 @@ from tests.tof_gap.scored import Judge, effect, hypothesis, named
 from tof_gap.limits.solve import SelectLimits
 from tof_gap.solve import select as room
 from tof_gap.solve.judge import Hypothesis
-from tof_gap.solve.select import _best_addition, _curved, _exchange, _grown, _lacking, _plain, _prune, _rough, won_steadily
+from tof_gap.solve.select import _best_addition, _curved, _exchange, _grown, _lacking, _plain, _prune, _rough, with_lens, won_steadily
 from tof_gap.solve.worth import rescored, visible_m, worth
 from tof_sensor.curve import Knots
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
@@ -261,3 +261,17 @@ def test_effects_are_added_until_none_wins_or_five_are_named(monkeypatch: pytest
     same: Any = Judge(scores, ["x", "y", "x", "y", "x", "y", "x"], most=2)
     monkeypatch.setattr(same, "repeats", lambda member, members: member in members)
     assert len(_grown(same, ()).members) in {2, 3, 4, 5, 6, 7}
+
+
+@pytest.mark.parametrize(("lens", "chosen"), [("bc", "ab"), ("", "a")])
+def test_a_lens_that_contradicts_its_calibration_is_wrong_though_freeing_it_explains_little(lens: str, chosen: str) -> None:
+    """Two forms of a wrong lens: the one beside which less is left."""
+    judge = Judge({"a": 500.0, "ab": 498.0, "ac": 499.0}, ["wave", "intrinsics", "intrinsics"], lens=lens)
+    assert named(judge, with_lens(judge, hypothesis(judge, "a"))) == chosen
+    assert named(judge, with_lens(judge, hypothesis(judge, "ab"))) == "ab", "it is there already"
+
+
+@pytest.mark.parametrize(("lens", "kept"), [("b", "ab"), ("", "a")])
+def test_it_is_not_dropped_as_weak(lens: str, kept: str) -> None:
+    judge = Judge({"a": 500.0, "b": 900.0, "ab": 498.0}, ["wave", "intrinsics"], effects={"a": effect(ROUGH=0.1), "b": effect()}, lens=lens)
+    assert named(judge, _prune(judge, hypothesis(judge, "ab"))) == kept
