@@ -266,12 +266,14 @@ def test_effects_are_added_until_none_wins_or_five_are_named(monkeypatch: pytest
 @pytest.mark.parametrize(("lens", "chosen"), [("bc", "ab"), ("", "a")])
 def test_a_lens_that_contradicts_its_calibration_is_wrong_though_freeing_it_explains_little(lens: str, chosen: str) -> None:
     """Two forms of a wrong lens: the one beside which less is left."""
-    judge = Judge({"a": 500.0, "ab": 498.0, "ac": 499.0}, ["wave", "intrinsics", "intrinsics"], lens=lens)
+    judge: Any = Judge({"a": 500.0, "ab": 498.0, "ac": 499.0}, ["wave", "intrinsics", "intrinsics"], lens=lens)
     assert named(judge, with_lens(judge, hypothesis(judge, "a"))) == chosen
     assert named(judge, with_lens(judge, hypothesis(judge, "ab"))) == "ab", "it is there already"
 
 
 @pytest.mark.parametrize(("lens", "kept"), [("b", "ab"), ("", "a")])
 def test_it_is_not_dropped_as_weak(lens: str, kept: str) -> None:
-    judge = Judge({"a": 500.0, "b": 900.0, "ab": 498.0}, ["wave", "intrinsics"], effects={"a": effect(ROUGH=0.1), "b": effect()}, lens=lens)
+    judge: Any = Judge(
+        {"a": 500.0, "b": 900.0, "ab": 498.0}, ["wave", "intrinsics"], effects={"a": effect(ROUGH=0.1), "b": effect()}, lens=lens
+    )
     assert named(judge, _prune(judge, hypothesis(judge, "ab"))) == kept
