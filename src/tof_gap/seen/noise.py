@@ -62,6 +62,7 @@ def noise_effects(
     *,
     unmerged: bool = False,
     piled_up: bool = False,
+    rough_m: float = 0.0,
 ) -> list[Finding]:
     """`quantization`, or else `interference` or `noise`, where noise shows them and they are not left out.
 
@@ -70,6 +71,7 @@ def noise_effects(
     fit it; noise at every amplitude, of some views or of all, is no effect of its own.
     piled_up: whether photons hide later ones, as `amplitude_bias` in proportion to the light shows: more light then adds no counts, and the
     noise that is left in bright light is no effect of its own.
+    rough_m: metres that maps of named effects may leave in single views: less is no stripe.
     """
     step = code_step(views)
     if step > limits.step_mm * 1e-3:  # Coarse steps make contours and uneven noise.
@@ -89,7 +91,7 @@ def noise_effects(
     dark = all(v.view.amplitude is None for v in views)
     if Interference.NAME not in left_out:
         wave = beat(views, limits.beat)
-        if wave is not None and wave.size_m > limits.extra_mm * 1e-3:
+        if wave is not None and wave.size_m > max(limits.extra_mm * 1e-3, rough_m):
             found = wave.finding(views, float(np.median(b.amplitude)), limits.beat)
             if not repeated(views, found.common, limits.repeated):
                 return [found]

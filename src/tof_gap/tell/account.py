@@ -191,10 +191,9 @@ def _findings(
     if foreign is not None and repeated(left, foreign.common, config.noise.repeated, steps2(solved) * (foreign.posed_m > 0)):
         foreign = None
     taken = left_out if foreign is None else left_out | {Interference.NAME}
-    uneven = [
-        *([] if foreign is None else [foreign]),
-        *noise.noise_effects(beside, config.noise, taken, law, unmerged=unmerged, piled_up=_piled_up(solved)),
-    ]
+    rough_m = config.noise.foreign_light.field_share * _named_m(solved)
+    found = noise.noise_effects(beside, config.noise, taken, law, unmerged=unmerged, piled_up=_piled_up(solved), rough_m=rough_m)
+    uneven = [*([] if foreign is None else [foreign]), *found]
     by_lines = any(f.name == Dropout.NAME for f in gone) and lost_by_lines(left, lines, config.missing)
     kept = (f for f in gone if not (filtered(f, [*uneven, *gone]) or (by_lines and f.name == Dropout.NAME)))
     return (*(f for f in light if not of_own_light(f, solved)), *uneven, *kept)

@@ -344,6 +344,16 @@ def test_stripes_in_some_views_are_interference() -> None:
     assert [f.name for f in noise_effects(seen, LIMITS)] == ["interference"], "beside a view that sees nothing"
 
 
+@pytest.mark.parametrize(("rough_m", "name"), [(0.0015, ["interference"]), (0.0035, [])])
+def test_stripes_must_exceed_what_maps_of_named_effects_leave(rough_m: float, name: list[str]) -> None:
+    """Stripes of 2.8 mm RMS."""
+    row = np.arange(SHAPE[0])[None, :, None] / SHAPE[0]
+    phase = rng().uniform(0, 2 * np.pi, (VIEWS, 1, 1))
+    hit = np.isin(np.arange(VIEWS), (0, 2, 3, 7, 8))[:, None, None]
+    wave = 0.004 * np.sin(2 * np.pi * 8 * row + phase) * hit * np.ones((1, 1, SHAPE[1]))
+    assert [f.name for f in noise_effects(views(rng(), wave), LIMITS, rough_m=rough_m)] == name
+
+
 @pytest.mark.parametrize(("scatter_m", "name"), [(0.002, []), (0.005, ["interference"])])
 def test_stripes_that_all_captures_of_a_dwell_share_are_of_the_scene(scatter_m: float, name: list[str]) -> None:
     row = np.arange(SHAPE[0])[None, :, None] / SHAPE[0]

@@ -137,6 +137,7 @@ def test_sizes_of_named_effects_add_in_squares() -> None:
 
 
 LINES_M = 1e-4
+FIELDS: Any = SimpleNamespace(field_share=0.1)
 
 
 def detectors(monkeypatch: pytest.MonkeyPatch, **given: Any) -> dict[str, Any]:
@@ -170,7 +171,7 @@ def findings_of(*, motion: bool = False, follows: bool = False, left_out: frozen
         **{**vars(SOLVED), "bare": "bare", "arms": "arms", "arms_sd": "sd", "names": lambda name: motion and name == Motion.NAME}
     )
     config: Any = SimpleNamespace(
-        noise=SimpleNamespace(foreign_light="fl", foreign_lamp="lamp", repeated=2.0), missing="missing", report=ReportLimits()
+        noise=SimpleNamespace(foreign_light=FIELDS, foreign_lamp="lamp", repeated=2.0), missing="missing", report=ReportLimits()
     )
     return _findings(solved, config, None, left_out, follows=follows)
 
@@ -181,8 +182,9 @@ LIGHT = Finding(Interference(burst_m=0.001), 0.9, posed_m=2e-3)
 def test_foreign_light_is_a_finding_that_noise_does_not_name_again(monkeypatch: pytest.MonkeyPatch) -> None:
     told = detectors(monkeypatch, foreign=LIGHT, noise=[FOUND])
     assert findings_of() == (LIGHT, FOUND)
-    assert told["foreign"] == ("bare", "arms", "sd", "fl", pytest.approx(5e-3), LINES_M)
+    assert told["foreign"] == ("bare", "arms", "sd", FIELDS, pytest.approx(5e-3), LINES_M)
     assert told["noise"][2] == {"interference"}
+    assert told["noise"][-1] == pytest.approx(5e-4), "a tenth of what is named may be left in a view"
     told = detectors(monkeypatch, noise=[FOUND])
     assert findings_of() == (FOUND,)
     assert told["noise"][2] == frozenset()
@@ -209,7 +211,7 @@ def test_noise_is_judged_beside_photons_that_hide_later_ones(
     monkeypatch.setattr(SOLVED, "named", [*SOLVED.named, SimpleNamespace(name="amplitude_bias", effects=(effect,))])
     monkeypatch.setattr(SOLVED, "sizes", {**SOLVED.sizes, "amplitude_bias": 1e-3})
     findings_of()
-    assert told["noise"][-1] is piled_up
+    assert told["noise"][-2] is piled_up
 
 
 @pytest.mark.parametrize(("posed_m", "named"), [(1.33e-3, False), (1.35e-3, True)])
@@ -237,7 +239,7 @@ def test_arm_errors_say_nothing_of_light_unshared_motion_and_without_an_arm(
 @pytest.mark.parametrize(("foreign", "posed_m"), [(None, 0.0), (LIGHT, 2e-3)])
 def test_a_lamp_whose_place_is_known_is_the_foreign_light(monkeypatch: pytest.MonkeyPatch, foreign: Any, posed_m: float) -> None:
     named = Finding(Interference(burst_m=0.004), 0.95)
-    lamp = SimpleNamespace(finding=lambda views, limits: named if (views, limits) == ("bare", "fl") else None)
+    lamp = SimpleNamespace(finding=lambda views, limits: named if (views, limits) == ("bare", FIELDS) else None)
     told = detectors(monkeypatch, foreign=foreign, lamp=lamp)
     (found,) = findings_of()
     assert (found.effect, found.posed_m) == (named.effect, posed_m)
@@ -256,7 +258,7 @@ def test_what_a_filter_removed_is_no_loss_and_failed_merging_is_told_to_noise(mo
     ):
         told = detectors(monkeypatch, gone=gone, noise=scatter, light=[])
         assert findings_of() == expected
-        assert told["noise"][-2] is unmerged
+        assert told["noise"][-3] is unmerged
         assert ("light" in told) is not unmerged
 
 
