@@ -16,6 +16,7 @@ from benchmarks.second_opinion.evidence import Evidence
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
+    from tof_gap.solve.candidate import Candidate
     from tof_gap.solve.columns import Design
 
 SIZES_M = (1e-3, 3e-3, 10e-3)
@@ -69,8 +70,7 @@ class Search:
     def log_prior(self, form: Form) -> float:
         """ln of the probability of a form among its name's: each number of repeats half as likely as one less, all choices alike."""
         count, n = len(form.members), self._count(form.name)
-        repeatable = self.design.candidates[form.members[0]].repeatable
-        return -log(comb(n, count)) - (count * log(2.0) if repeatable else 0.0)
+        return -log(comb(n, count)) - (count * log(2.0) if _repeatable(self.design.candidates[form.members[0]]) else 0.0)
 
     def _count(self, name: str) -> int:
         return Counter(c.name for c in self.design.candidates)[name]
@@ -80,8 +80,10 @@ class Search:
         mine = [i for i, c in enumerate(self.design.candidates) if c.name == name]
         tried = self._scored([Form(name, (i,)) for i in mine], beside)
         end = tried[0]
-        while self.design.candidates[mine[0]].repeatable and len(end[1].members) < min(REPEATED, len(mine)):
-            more = [Form(name, (*end[1].members, i)) for i in mine if i not in end[1].members]
+        while len(end[1].members) < REPEATED:
+            more = [Form(name, (*end[1].members, i)) for i in mine if self._may_join(i, end[1].members)]
+            if not more:
+                break
             grown = self._scored(more, beside)[0]
             if grown[0] <= end[0]:
                 break
@@ -90,6 +92,11 @@ class Search:
         for value, form in tried[:TRIED]:
             self.pool[form] = max(value, self.pool.get(form, -np.inf))
         return tried[0]
+
+    def _may_join(self, one: int, members: Sequence[int]) -> bool:
+        """Whether a form may hold a candidate besides its members, as a hypothesis of the diagnosis may."""
+        candidates = self.design.candidates
+        return one not in members and not any(candidates[one].excludes(candidates[m]) for m in members)
 
     def _scored(self, forms: Sequence[Form], beside: Sequence[Form]) -> list[tuple[float, Form]]:
         return sorted(((self.score([*beside, f]), f) for f in forms), reverse=True)
@@ -147,6 +154,11 @@ def by_name(design: Design, members: Sequence[int]) -> dict[str, Form]:
     """The first `TOGETHER` names of a diagnosis' members, as forms."""
     names = list(dict.fromkeys(design.candidates[m].name for m in members))[:TOGETHER]
     return {n: Form(n, tuple(m for m in members if design.candidates[m].name == n)[:REPEATED]) for n in names}
+
+
+def _repeatable(candidate: Candidate) -> bool:
+    """Whether a form may hold several of its name: one per part, or one per observable."""
+    return candidate.free is not None or (candidate.effect is not None and candidate.effect.REPEATS)
 
 
 def inflation(design: Design, forms: Mapping[str, Form], neighbours: float) -> float:

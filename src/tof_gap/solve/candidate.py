@@ -33,11 +33,6 @@ class Candidate:
         """What its columns are computed from."""
         return self.free if self.effect is None else self.effect
 
-    @property
-    def repeatable(self) -> bool:
-        """Whether a hypothesis may contain several of its name: one per part, or one per observable."""
-        return self.free is not None or (self.effect is not None and self.effect.REPEATS)
-
     def excludes(self, other: Candidate) -> bool:
         """Whether no hypothesis may contain both: two forms of an effect that a session, or a part, has only once."""
         if self.name != other.name or self.free is not None:
