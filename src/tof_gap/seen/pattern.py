@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from scipy.ndimage import uniform_filter
@@ -13,12 +13,15 @@ from tof_gap.seen.residual import noise_again
 from tof_sensor.effects.fixed_pattern import cosines, line_cosines
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from tof_core.arrays import Float, Ints
     from tof_gap.limits.seen import PatternLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_sensor.effects.fixed_pattern import FixedPattern
+
+
+Mean = TypeVar("Mean")
 
 
 def pattern_columns(view: ViewEvidence, seen: LineMeans, areas: Float, pattern: FixedPattern) -> Float:
@@ -43,30 +46,37 @@ LineMeans = tuple["Float", "Float"]
 
 def line_means(views: Sequence[ViewEvidence]) -> LineMeans:
     """Line means over all views."""
-    return _means(*_sums(views))
+    return _means(*weighted_sums(views, high_pass))
 
 
 def line_means_of_others(views: Sequence[ViewEvidence], folds: Ints) -> list[LineMeans]:
     """For each view, the line means over the views of all other folds; folds (V,): fold of each view."""
+    return of_others(views, folds, high_pass, _means)
+
+
+def of_others(
+    views: Sequence[ViewEvidence], folds: Ints, image: Callable[[ViewEvidence], Float], mean: Callable[[Float, Float], Mean]
+) -> list[Mean]:
+    """For each view, the `mean` of `weighted_sums` over the views of all other folds; folds (V,): fold of each view."""
     names, fold = np.unique(folds, return_inverse=True)
     # Summed over the others, not subtracted from the total: without a pixel in the others the weight is exactly zero.
-    sums = [_sums([v for v, mine in zip(views, fold, strict=True) if mine == f]) for f in range(len(names))]
+    sums = [weighted_sums([v for v, mine in zip(views, fold, strict=True) if mine == f], image) for f in range(len(names))]
     none = np.zeros(views[0].residual.shape)
     means = []
     for f in range(len(names)):
         others = [of_one for g, of_one in enumerate(sums) if g != f]
-        means.append(_means(sum((t for t, _ in others), none), sum((w for _, w in others), none)))
+        means.append(mean(sum((t for t, _ in others), none), sum((w for _, w in others), none)))
     return [means[f] for f in fold]
 
 
-def _sums(views: Sequence[ViewEvidence]) -> tuple[Float, Float]:
-    """(H, W) sums over the views of the high-passed residual, weighted by inverse variance, and of the weights."""
+def weighted_sums(views: Sequence[ViewEvidence], image: Callable[[ViewEvidence], Float]) -> tuple[Float, Float]:
+    """(H, W) sums over the views of an image of each, NaN where it has no pixel, weighted by inverse variance, and of the weights."""
     total = np.zeros(views[0].residual.shape)
     weight = np.zeros_like(total)
     for view in views:
-        high = high_pass(view)
-        inverse = np.where(np.isfinite(high), 1.0 / view.sigma**2, 0.0)
-        total += inverse * np.nan_to_num(high)
+        of_view = image(view)
+        inverse = np.where(np.isfinite(of_view), 1.0 / view.sigma**2, 0.0)
+        total += inverse * np.nan_to_num(of_view)
         weight += inverse
     return total, weight
 

@@ -91,18 +91,17 @@ def _pattern(joint: Joint, effect: FixedPattern, values: Float, fit_views: Seque
     views = [joint.views[i] for i in fit_views]
     by_column, by_row = line_means(views)
     pixels = single_pixels(views)
-    field, line = values[: effect.order**2 - 1], values[-1]
-    areas = values[-2] * area_map(views) if effect.lines else np.zeros(0)
-    blocks = np.split(values[len(field) : -2 if effect.lines else -1], 2)
+    smooth, of_blocks = effect.order**2 - 1, 2 * max(effect.lines - effect.order, 0)
+    field, blocks, areas, (line,) = np.split(values, [smooth, smooth + of_blocks, len(values) - 1])
     lines = [
         line * seen + line_cosines(len(seen), effect.order, effect.lines) @ block
-        for seen, block in zip((by_column, by_row), blocks, strict=True)
+        for seen, block in zip((by_column, by_row), np.split(blocks, 2), strict=True)
     ]
     return replace(
         effect,
         values=tuple(float(v) for v in (*lines[0], *lines[1], *field)),
         lines=0,
-        areas=packed(areas) if effect.lines else "",
+        areas=packed(areas * area_map(views)) if len(areas) else "",
         pixels=packed(pixels.image) if pixels.size_m > 0 else "",
     )
 
