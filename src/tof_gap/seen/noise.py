@@ -62,22 +62,22 @@ def noise_effects(
     *,
     unmerged: bool = False,
     piled_up: bool = False,
-    rough_m: float = 0.0,
+    of_maps_m: float = 0.0,
 ) -> list[Finding]:
     """`quantization`, or else `interference` or `noise`, where noise shows them and they are not left out.
 
     law: the camera's photon law as `--sensor` states it; noise within it is no effect.
     unmerged: whether the camera fails to merge its frequencies. Then noise no longer follows the law, and few amplitudes are left to
     fit it; noise at every amplitude, of some views or of all, is no effect of its own.
-    piled_up: whether photons hide later ones, as `amplitude_bias` in proportion to the light shows: more light then adds no counts, and the
-    noise that is left in bright light is no effect of its own.
-    rough_m: metres that maps of named effects may leave in single views: less is no stripe.
+    piled_up: whether photons hide later ones, so that more light adds no counts: noise left in bright light is no effect of its own.
+    of_maps_m: metres that maps of named effects may leave in single views: less is no stripe.
     """
     step = code_step(views)
     if step > limits.step_mm * 1e-3:  # Coarse steps make contours and uneven noise.
+        if Quantization.NAME in left_out:
+            return []
         coarse = Quantization(step_m=step, along_ray=steps_along_ray(views, step))
-        found = Finding(coarse, 1.0, share=_constant(views, step / np.sqrt(12)))
-        return [] if Quantization.NAME in left_out else [found]
+        return [Finding(coarse, 1.0, share=_constant(views, step / np.sqrt(12)))]
     # Structure, such as edges of texture and rounded creases, grows with distance as noise does that neighbours share. Only beside a
     # stated law is the variance itself asked for; else views and amplitudes are compared with each other, by next neighbours alone.
     near = views if law is not None else [replace(v, correlation=INDEPENDENT) for v in views]
@@ -91,7 +91,7 @@ def noise_effects(
     dark = all(v.view.amplitude is None for v in views)
     if Interference.NAME not in left_out:
         wave = beat(views, limits.beat)
-        if wave is not None and wave.size_m > max(limits.extra_mm * 1e-3, rough_m):
+        if wave is not None and wave.size_m > max(limits.extra_mm * 1e-3, of_maps_m):
             found = wave.finding(views, float(np.median(b.amplitude)), limits.beat)
             if not repeated(views, found.common, limits.repeated):
                 return [found]

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -79,7 +79,7 @@ class Selector:
         always = self.design.always
         if name != Intrinsics.NAME or not len(always):
             return False
-        without = self.score(self.design.without(hypothesis.members, name), hypothesis.inflate)
+        without = replace(hypothesis, members=tuple(self.design.without(hypothesis.members, name)))
         system = self.design.system
         return bool(self.fit(without).theta[: len(always)] ** 2 @ system.normal.info[system.poses + always] > self.config.gain)
 

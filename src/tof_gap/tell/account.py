@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from tof_gap.config import GapConfig
     from tof_gap.limits.foreign import ForeignLightLimits
     from tof_gap.seen.finding import Finding
+    from tof_gap.seen.line_noise import LineNoise
     from tof_gap.solved import Named, Solved
     from tof_gap.tell.figures import Figures
     from tof_gap.tell.shrink import Shrink
@@ -178,25 +179,34 @@ def _findings(
     own = noise.beside_lines(noise.without_noisy_pixels(left, config.noise), lines)
     light = [] if unmerged else detected.detected_effects(own, config.noise, law, left_out)
     beside = detected.explained(left, light)
-    silent = _arms_silent(solved, left_out) or Interference.NAME in left_out or follows
-    foreign = None
-    if not silent:
-        of_lines = noise.smooth_by_lines(left, lines, config.noise)
-        foreign = foreign_light(left, solved.arms, solved.arms_sd, config.noise.foreign_light, _named_m(solved), of_lines)
-    if foreign is not None and foreign.posed_m < _rough_m(solved):
-        foreign = None
-    lamp = None if Interference.NAME in left_out else foreign_lamp(left, config.noise.foreign_lamp)
-    if lamp is not None:
-        foreign = replace(lamp.finding(left, config.noise.foreign_light), posed_m=0.0 if foreign is None else foreign.posed_m)
-    if foreign is not None and repeated(left, foreign.common, config.noise.repeated, steps2(solved) * (foreign.posed_m > 0)):
-        foreign = None
+    arms_tell = not (_arms_silent(solved, left_out) or follows)
+    foreign = None if Interference.NAME in left_out else _foreign(solved, lines, config, arms_tell=arms_tell)
     taken = left_out if foreign is None else left_out | {Interference.NAME}
-    rough_m = config.noise.foreign_light.field_share * _named_m(solved)
-    found = noise.noise_effects(beside, config.noise, taken, law, unmerged=unmerged, piled_up=_piled_up(solved), rough_m=rough_m)
+    of_maps_m = config.noise.foreign_light.field_share * _named_m(solved)
+    found = noise.noise_effects(beside, config.noise, taken, law, unmerged=unmerged, piled_up=_piled_up(solved), of_maps_m=of_maps_m)
     uneven = [*([] if foreign is None else [foreign]), *found]
     by_lines = any(f.name == Dropout.NAME for f in gone) and lost_by_lines(left, lines, config.missing)
     kept = (f for f in gone if not (filtered(f, [*uneven, *gone]) or (by_lines and f.name == Dropout.NAME)))
     return (*(f for f in light if not of_own_light(f, solved)), *uneven, *kept)
+
+
+def _foreign(solved: Solved, lines: Sequence[LineNoise], config: GapConfig, *, arms_tell: bool) -> Finding | None:
+    """Another camera's light: by smooth fields and, if arm errors tell (`arms_tell`), steps along the view, or by fringes of its lamp.
+
+    It must exceed errors of the named effects' maps, and the captures of a dwell must not share it.
+    """
+    left, limits, found = solved.bare, config.noise.foreign_light, None
+    if arms_tell:
+        of_lines = noise.smooth_by_lines(left, lines, config.noise)
+        found = foreign_light(left, solved.arms, solved.arms_sd, limits, _named_m(solved), of_lines)
+    if found is not None and found.posed_m < _rough_m(solved):
+        found = None
+    lamp = foreign_lamp(left, config.noise.foreign_lamp)
+    if lamp is not None:
+        found = replace(lamp.finding(left, limits), posed_m=0.0 if found is None else found.posed_m)
+    if found is None or repeated(left, found.common, config.noise.repeated, steps2(solved) * (found.posed_m > 0)):
+        return None
+    return found
 
 
 def of_own_light(found: Finding, solved: Solved) -> bool:

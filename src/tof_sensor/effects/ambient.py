@@ -135,18 +135,17 @@ class Ambient(Effect):
         own = np.stack([np.ones_like(ratio), ratio, predicted], axis=1)
         foreign = np.stack([bins.surroundings2 * ratio, ratio**2], axis=1)
         either = np.concatenate([own, foreign], axis=1)
-        every = np.ones(len(ratio), bool)
-        fitted = _fitted(either, excess, bins, every)
-        light = foreign @ fitted[own.shape[1] :]
+        fitted = _fitted(either, excess, bins)
+        light, model = foreign @ fitted[own.shape[1] :], either @ fitted
         share = float(np.median(light / predicted))
         if share < LEAST_EXCESS or (of_view > 0.5 * LEAST_EXCESS).mean() < LEAST_SHARE:
             return None
-        if share < KNOWN * float(np.median(np.abs(excess - either @ fitted) / bins.variance)):
+        if share < KNOWN * float(np.median(np.abs(excess - model) / bins.variance)):
             return None
-        if _misfit2(either @ fitted, excess, bins) > BETTER * _misfit2(own @ _fitted(own, excess, bins, every), excess, bins):
+        if _misfit2(model, excess, bins) > BETTER * _misfit2(own @ _fitted(own, excess, bins), excess, bins):
             return None
         bright = bins.amplitude >= np.quantile(bins.amplitude, DARK)
-        again = foreign @ _fitted(either, excess, bins, bright)[own.shape[1] :]
+        again = foreign @ _fitted(either[bright], excess[bright], bins.of(bright))[own.shape[1] :]
         if np.median((again / predicted)[bright]) < CONFIRMED * np.median((light / predicted)[bright]):
             return None
         surface, uniform = np.sqrt(fitted[own.shape[1] :])
@@ -156,17 +155,17 @@ class Ambient(Effect):
         return Detection(effect, 0.95, note=f"noise {times:.1f} times that of the photon law in --sensor{or_own}")
 
 
-def _fitted(X: Float, excess: Float, bins: NoiseBins, among: Mask) -> Float:
-    """Non-negative coefficients by least squares on relative errors of the bins `among`, without outlying ones."""
+def _fitted(X: Float, excess: Float, bins: NoiseBins) -> Float:
+    """Non-negative coefficients by least squares on relative errors, without outlying bins."""
     from scipy.optimize import nnls  # loads slowly, and only a fit needs it
 
     weight = np.sqrt(bins.samples / 2) / np.maximum(bins.variance, 1e-14)
-    keep = among
+    keep: Mask = np.ones(len(excess), bool)
     c = np.zeros(X.shape[1])
     for _ in range(3):
         c, _ = nnls(X[keep] * weight[keep, None], excess[keep] * weight[keep])
         off = np.abs((excess - X @ c) / np.maximum(bins.variance, 1e-14))
-        keep = among & (off <= 4.0 * np.median(off[keep]) + 1e-12)
+        keep = off <= 4.0 * np.median(off[keep]) + 1e-12
     return np.asarray(c)
 
 

@@ -333,33 +333,32 @@ def test_reference_frequencies_that_fail_to_merge_noise_is_no_effect_of_its_own(
     assert noise_effects(seen, LIMITS, unmerged=True) == []
 
 
-def test_stripes_in_some_views_are_interference() -> None:
+def in_some_views(amplitude_m: float) -> np.ndarray:
+    """(V, H, W) metres of stripes along the rows, eight over the height, with a new phase in each of five views."""
     row = np.arange(SHAPE[0])[None, :, None] / SHAPE[0]
     phase = rng().uniform(0, 2 * np.pi, (VIEWS, 1, 1))
     hit = np.isin(np.arange(VIEWS), (0, 2, 3, 7, 8))[:, None, None]
-    wave = 0.004 * np.sin(2 * np.pi * 8 * row + phase) * hit * np.ones((1, 1, SHAPE[1]))
+    return np.asarray(amplitude_m * np.sin(2 * np.pi * 8 * row + phase) * hit * np.ones((1, 1, SHAPE[1])))
+
+
+def test_stripes_in_some_views_are_interference() -> None:
+    wave = in_some_views(0.004)
     assert said(wave) == [("interference", "stripes of 8 turns in 5 of 12 views")]
     seen = list(views(rng(), wave))
     seen[1] = replace(seen[1], smooth=np.zeros(SHAPE, bool))
     assert [f.name for f in noise_effects(seen, LIMITS)] == ["interference"], "beside a view that sees nothing"
 
 
-@pytest.mark.parametrize(("rough_m", "name"), [(0.0015, ["interference"]), (0.0035, [])])
-def test_stripes_must_exceed_what_maps_of_named_effects_leave(rough_m: float, name: list[str]) -> None:
+@pytest.mark.parametrize(("left_m", "name"), [(0.0015, ["interference"]), (0.0035, [])])
+def test_stripes_must_exceed_what_maps_of_named_effects_leave(left_m: float, name: list[str]) -> None:
     """Stripes of 2.8 mm RMS."""
-    row = np.arange(SHAPE[0])[None, :, None] / SHAPE[0]
-    phase = rng().uniform(0, 2 * np.pi, (VIEWS, 1, 1))
-    hit = np.isin(np.arange(VIEWS), (0, 2, 3, 7, 8))[:, None, None]
-    wave = 0.004 * np.sin(2 * np.pi * 8 * row + phase) * hit * np.ones((1, 1, SHAPE[1]))
-    assert [f.name for f in noise_effects(views(rng(), wave), LIMITS, rough_m=rough_m)] == name
+    wave = in_some_views(0.004)
+    assert [f.name for f in noise_effects(views(rng(), wave), LIMITS, of_maps_m=left_m)] == name
 
 
 @pytest.mark.parametrize(("scatter_m", "name"), [(0.002, []), (0.005, ["interference"])])
 def test_stripes_that_all_captures_of_a_dwell_share_are_of_the_scene(scatter_m: float, name: list[str]) -> None:
-    row = np.arange(SHAPE[0])[None, :, None] / SHAPE[0]
-    phase = rng().uniform(0, 2 * np.pi, (VIEWS, 1, 1))
-    hit = np.isin(np.arange(VIEWS), (0, 2, 3, 7, 8))[:, None, None]
-    wave = 0.008 * np.sin(2 * np.pi * 8 * row + phase) * hit * np.ones((1, 1, SHAPE[1]))
+    wave = in_some_views(0.008)
     seen = [replace(v, view=replace(v.view, captures=3, sigma=np.full(SHAPE, scatter_m, np.float32))) for v in views(rng(), wave)]
     assert [f.name for f in noise_effects(seen, LIMITS)] == name
 
