@@ -90,7 +90,7 @@ class View:
     noise: Image | None = None
     """(H, W) standard deviation of one capture in metres over the dwell, where known."""
     code_m: float | None = None
-    """Step of the camera's depth codes in metres where `depth` is converted from them; 0: no codes; None: `depth` is not converted."""
+    """Metres between the codes of the depth that the camera wrote; 0: no codes; None: not looked for, or not stated before a conversion."""
 
     @property
     def valid(self) -> Mask:

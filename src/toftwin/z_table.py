@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_gap.seen.finding import CONFIDENT, Finding
-from tof_gap.seen.residual import code_of
+from tof_gap.seen.residual import with_codes
 from tof_sensor.effects.radial_depth import RadialDepth
 from tof_sensor.effects.z_conversion import REVERSED, ZConversion
 
@@ -72,10 +72,11 @@ def reading(views: Sequence[View], scene: Scene, left_out: AbstractSet[str] = fr
 
 def converted(views: Sequence[View], found: Reading, limits: LevelLimits) -> tuple[list[View], list[Finding]]:
     """Views with depth converted by the stated lens, and a finding for each effect of the conversion with its metres in each view."""
-    out, findings = list(views), list[Finding]()
-    for effect in found.effects():
+    effects, findings = found.effects(), list[Finding]()
+    out = with_codes(views, limits) if effects else list(views)
+    for effect in effects:
         ratio = _ratio(effect, views[0].camera)
-        after = [replace(v, depth=(v.depth / ratio).astype(np.float32), code_m=code_of(v, limits)) for v in out]
+        after = [replace(v, depth=(v.depth / ratio).astype(np.float32)) for v in out]
         share = np.stack([v.depth.astype(np.float64) - a.depth for v, a in zip(out, after, strict=True)])
         note = "the depth image holds distance along the ray" if isinstance(effect, RadialDepth) else f"before the board, {effect.stated}"
         findings.append(Finding(effect, CONFIDENT, share=share, corrects=True, note=note))

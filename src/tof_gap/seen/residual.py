@@ -100,7 +100,6 @@ def gather(
     *,
     concavity: bool = False,
     wider_px: int = 0,
-    recorded: Sequence[View] | None = None,
 ) -> tuple[ViewEvidence, ...]:
     """Residuals of all views against the CAD rendered at their reference poses.
 
@@ -111,16 +110,15 @@ def gather(
         limits: which pixels count.
         concavity: whether to compute the concavity, which takes ray casts.
         wider_px: pixels added to the edge bands of still views.
-        recorded: the views as the camera wrote them, if `views` were converted to another lens: converted z has no depth codes.
     """
     ideal = as_ideal(views, renderings, caster)
 
-    def one(view: View, rendering: Rendering, source: View) -> ViewEvidence:
+    def one(view: View, rendering: Rendering) -> ViewEvidence:
         frame = ideal(view, rendering)
         filled = concavity_map(caster, frame.rendering, limits.concavity_px) if concavity else _unknown(frame)
-        return _of_view(view, frame, limits, filled, wider_px, code_of(source, limits.level))
+        return _of_view(view, frame, limits, filled, wider_px, code_of(view, limits.level))
 
-    found = in_threads(one, views, renderings, recorded or views)
+    found = in_threads(one, views, renderings)
     correlation = correlation_of(found)
     if correlation.correlated:
         found = in_threads(lambda v: _correlated(v, wider_px, correlation), found)
@@ -149,8 +147,13 @@ def noise_again(views: Sequence[ViewEvidence]) -> tuple[ViewEvidence, ...]:
     return tuple(replace(v, sigma=single(v.noise_of(v.residual))) for v in views)
 
 
+def with_codes(views: Sequence[View], limits: LevelLimits) -> list[View]:
+    """The views as the camera wrote them, with the step of its codes: depth converted to another lens or reading shows none."""
+    return in_threads(lambda v: replace(v, code_m=code_of(v, limits)), views)
+
+
 def code_of(view: View, limits: LevelLimits) -> float:
-    """Metres between the camera's codes, of depth or of range along the ray: as stated for a converted view, else as seen; 0 without codes."""
+    """Metres between the camera's codes, of depth or of range along the ray: as stated, else as seen; 0 without codes."""
     if view.code_m is not None:
         return view.code_m
     return max(depth_step(view.depth.astype(np.float64), limits, view.captures), range_step(view, limits.of_range))

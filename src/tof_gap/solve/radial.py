@@ -11,7 +11,7 @@ import numpy as np
 from tof_core.camera import radial_to_z
 from tof_core.flat.wide_plane import wide_bend
 from tof_gap.seen.finding import Finding
-from tof_gap.seen.residual import code_of
+from tof_gap.seen.residual import with_codes
 from tof_gap.solve.start import Start, observe, start
 from tof_sensor.effects.radial_depth import RadialDepth
 
@@ -40,14 +40,14 @@ def gate(
     few views adapt to either reading; then wide planes in the views decide, which appear bent if distances are read as z. Unless
     `asked`, depth is z.
     """
+    views = with_codes(views, config.evidence.level)
     begun = start(views, caster, config, align)
     if not asked:
         return begun, None
     as_z = median_miss(begun.evidence)
     if as_z < config.solve.gate.least_mm * 1e-3:
         return begun, None
-    # Depth codes wider than the noise hide it, whichever way they are read.
-    converted = [replace(v, depth=radial_to_z(v.camera, v.depth), code_m=code_of(v, config.evidence.level)) for v in views]
+    converted = [replace(v, depth=radial_to_z(v.camera, v.depth)) for v in views]
     begun.hand_over()  # Frees the images of one reading before those of the other are made; if believed, they are made again.
     other = start(converted, caster, config, align)
     if median_miss(other.evidence) > config.solve.gate.better * as_z and not all(_bends(v) for v in views):

@@ -117,4 +117,4 @@ def observe(
     give_back()  # The images of an earlier round are freed by now.
     seen = through(lens, views)
     renderings = in_threads(lambda i, v: render(caster, v.camera, chain.pose(i), footprints=footprints), range(len(seen)), seen)
-    return gather(seen, renderings, caster, config.evidence, concavity=concavity, wider_px=wider_px, recorded=views)
+    return gather(seen, renderings, caster, config.evidence, concavity=concavity, wider_px=wider_px)

@@ -11,7 +11,7 @@ import pytest
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, rendering, views
 from tof_gap.limits.seen import BlurLimits, EvidenceLimits
 from tof_gap.seen.edges import edge_band, excluded, smear, streaks
-from tof_gap.seen.residual import compact, gather, without_geometry
+from tof_gap.seen.residual import compact, gather, with_codes, without_geometry
 from tof_sensor.frame import Context, Frame, ideal_frame
 
 LIMITS, BLUR = EvidenceLimits(), BlurLimits()
@@ -116,9 +116,10 @@ def test_a_coarse_step_is_seen_through_another_lens_and_bounds_the_noise() -> No
     step, ratio = 0.008, (1.0 + 1e-3 * np.arange(SHAPE[1]) / SHAPE[1]).astype(np.float32)
     (one, *_) = views(np.random.default_rng(2))
     recorded = replace(one.view, depth=(step * np.round(one.rendering.depth / step)).astype(np.float32))
-    turned = replace(recorded, depth=recorded.depth / ratio)
-    for given, expected in ((None, 0.0), ([recorded], step)):
-        (seen,) = gather([turned], [one.rendering], None, EvidenceLimits(edge_px=0), recorded=given)  # type: ignore[arg-type]
+    (coded,) = with_codes([recorded], EvidenceLimits().level)
+    for given, expected in ((recorded, 0.0), (coded, step)):
+        turned = replace(given, depth=given.depth / ratio)
+        (seen,) = gather([turned], [one.rendering], None, EvidenceLimits(edge_px=0))  # type: ignore[arg-type]
         assert seen.step_m == pytest.approx(expected, abs=1e-5)
         assert seen.sigma.min() >= 0.99 * expected / np.sqrt(12)
 
