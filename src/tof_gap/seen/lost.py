@@ -105,7 +105,7 @@ def losses_of(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Se
 
 
 def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, losses: Losses) -> Finding | None:
-    """`dropout` where more than `lost_share` of all pixels is lost, or `lost_on_part` of one part: below a threshold of amplitude, and at random.
+    """`dropout` where more than `lost_share` of all pixels is lost, or `lost_on_part` of one part in two views and more: below a threshold of amplitude, and at random.
 
     A lost pixel has no reliable amplitude; that of the CAD is used, in the unit of the camera's amplitude image.
     """
@@ -117,7 +117,8 @@ def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, losses: Losses
     seen = np.concatenate([_amplitude(v)[i] for v, i in zip(views, inside, strict=True)])
     if gone.mean() < limits.lost_share:
         spans = np.concatenate([neighbours_span(v, limits)[i] for v, i in zip(views, inside, strict=True)])
-        if worst_part(gone, part, own_light(seen, light, part, limits), spans, losses.too_bright, limits) < limits.lost_on_part:
+        view = np.repeat(np.arange(len(views)), [int(i.sum()) for i in inside])
+        if worst_part(gone, part, view, own_light(seen, light, part, limits), spans, losses.too_bright, limits) < limits.lost_on_part:
             return None
     radial = np.concatenate([v.frame.radial[i] for v, i in zip(views, inside, strict=True)])
     loss = loss_of(gone, seen, light, radial, part, limits.loss)

@@ -46,8 +46,8 @@ def neighbours_span(view: ViewEvidence, limits: MissingLimits) -> Float:
         return np.asarray(np.hypot(flat * slope, noise) / (flat * np.tan(np.radians(limits.lost_grazing_deg))))
 
 
-def worst_part(gone: Float, part: Ints, light: Float, spans: Float, too_bright: float, limits: MissingLimits) -> float:
-    """Largest share of its pixels that any part loses.
+def worst_part(gone: Float, part: Ints, view: Ints, light: Float, spans: Float, too_bright: float, limits: MissingLimits) -> float:
+    """Largest share of its pixels that any part loses, also without the view that loses most of them: two views must show the loss.
 
     Not counted are: parts with few pixels; pixels among the darkest of the session, of which every camera loses some; parts whose
     brightest pixels are lost at amplitudes that saturate others of this session; and parts whose slope and noise a filter does not pass,
@@ -56,6 +56,7 @@ def worst_part(gone: Float, part: Ints, light: Float, spans: Float, too_bright: 
     Args:
         gone: (n,) share of captures in which a pixel is lost.
         part: (n,) its part.
+        view: (n,) the view that has it.
         light: (n,) its amplitude (`own_light`).
         spans: (n,) `neighbours_span`.
         too_bright: amplitude that saturates.
@@ -74,5 +75,11 @@ def worst_part(gone: Float, part: Ints, light: Float, spans: Float, too_bright: 
                 continue
             if 1.0 - brighter < limits.filter.dimmer and float(np.nanmedian(spans[away])) > 1.0:
                 continue
-        worst = max(worst, float(gone[mine].mean()))
+        worst = max(worst, _shown_again(gone[mine], view[mine], limits))
     return worst
+
+
+def _shown_again(gone: Float, view: Ints, limits: MissingLimits) -> float:
+    """Share of a part's pixels that is lost in all views, or without the view that loses most, if that is less; 0 where others see few."""
+    other = view != np.argmax(np.bincount(view, gone))
+    return min(float(gone.mean()), float(gone[other].mean())) if other.sum() >= limits.part_pixels else 0.0

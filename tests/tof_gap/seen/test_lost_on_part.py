@@ -17,6 +17,8 @@ PART = np.repeat([0, 1], [20_000, 2000])
 """A floor and a small part."""
 CAD_LIGHT = np.full(len(PART), 100.0)
 FLAT = np.full(len(PART), 0.2)
+VIEW = np.arange(len(PART)) % 2
+"""Two views see every part."""
 
 
 def rng(seed: int = 4) -> np.random.Generator:
@@ -30,15 +32,24 @@ def lost_on_the_part(share: float) -> np.ndarray:
 
 def test_the_worst_part_is_the_one_that_loses_the_largest_share() -> None:
     light = rng(5).uniform(90, 110, len(PART))
-    assert worst_part(lost_on_the_part(0.2), PART, light, FLAT, np.inf, LIMITS) == pytest.approx(0.2, abs=0.03)
-    assert worst_part(np.zeros(len(PART)), PART, light, FLAT, np.inf, LIMITS) == 0.0
+    assert worst_part(lost_on_the_part(0.2), PART, VIEW, light, FLAT, np.inf, LIMITS) == pytest.approx(0.2, abs=0.03)
+    assert worst_part(np.zeros(len(PART)), PART, VIEW, light, FLAT, np.inf, LIMITS) == 0.0
+
+
+def test_loss_that_one_view_alone_shows_is_not_the_parts() -> None:
+    """As where a ghost image cancels the light of a part in one view."""
+    light = rng(5).uniform(90, 110, len(PART))
+    gone = np.where(VIEW == 1, lost_on_the_part(0.4), 0.0)
+    assert worst_part(gone, PART, VIEW, light, FLAT, np.inf, LIMITS) == 0.0
+    many = np.arange(len(PART)) % 4
+    assert worst_part(np.where(many > 1, lost_on_the_part(0.4), 0.0), PART, many, light, FLAT, np.inf, LIMITS) == pytest.approx(0.13, abs=0.03)
 
 
 @pytest.mark.parametrize(("span", "counts"), [(0.8, True), (1.2, False)])
 def test_what_slope_and_noise_span_beyond_a_filter_is_the_filters(span: float, *, counts: bool) -> None:
     light = rng(5).uniform(90, 110, len(PART))
     spans = np.where(PART == 1, span, 0.2)
-    assert (worst_part(lost_on_the_part(0.2), PART, light, spans, np.inf, LIMITS) > 0.1) is counts
+    assert (worst_part(lost_on_the_part(0.2), PART, VIEW, light, spans, np.inf, LIMITS) > 0.1) is counts
 
 
 def test_pixels_lost_by_their_light_are_no_filters() -> None:
@@ -46,7 +57,7 @@ def test_pixels_lost_by_their_light_are_no_filters() -> None:
     light = rng().uniform(90, 110, len(PART))
     gone = ((PART == 1) & (light < 94)).astype(float)
     spans = np.where(PART == 1, 3.0, 0.2)
-    assert worst_part(gone, PART, light, spans, np.inf, LIMITS) == pytest.approx(0.2, abs=0.03)
+    assert worst_part(gone, PART, VIEW, light, spans, np.inf, LIMITS) == pytest.approx(0.2, abs=0.03)
 
 
 def test_a_part_that_is_darker_than_the_cad_says_is_among_the_weakest_light() -> None:
@@ -58,8 +69,8 @@ def test_a_part_that_is_darker_than_the_cad_says_is_among_the_weakest_light() ->
     judged = replace(LIMITS, part_pixels=100)
     light = own_light(seen, cad, part, judged)
     np.testing.assert_allclose(light[part == 1], 0.2 * cad[part == 1], rtol=1e-12)
-    assert worst_part(gone, part, light, np.zeros(len(part)), np.inf, judged) == 0.0
-    assert worst_part(gone, part, cad, np.zeros(len(part)), np.inf, judged) == pytest.approx(0.5, abs=0.1)
+    assert worst_part(gone, part, np.arange(len(part)) % 2, light, np.zeros(len(part)), np.inf, judged) == 0.0
+    assert worst_part(gone, part, np.arange(len(part)) % 2, cad, np.zeros(len(part)), np.inf, judged) == pytest.approx(0.5, abs=0.1)
 
 
 def test_few_amplitudes_state_no_albedo_and_the_measured_one_goes_first() -> None:
@@ -73,8 +84,8 @@ def test_few_amplitudes_state_no_albedo_and_the_measured_one_goes_first() -> Non
 def test_light_that_saturates_elsewhere_is_no_loss_of_the_part() -> None:
     light = rng().uniform(90, 110, len(PART))
     gone = ((PART == 1) & (light > 106)).astype(float)
-    assert worst_part(gone, PART, light, FLAT, 105.0, LIMITS) == 0.0
-    assert worst_part(gone, PART, light, FLAT, 120.0, LIMITS) == pytest.approx(0.2, abs=0.03)
+    assert worst_part(gone, PART, VIEW, light, FLAT, 105.0, LIMITS) == 0.0
+    assert worst_part(gone, PART, VIEW, light, FLAT, 120.0, LIMITS) == pytest.approx(0.2, abs=0.03)
 
 
 def test_a_neighbourhood_spans_its_slope_and_three_deviations_of_one_captures_noise() -> None:
