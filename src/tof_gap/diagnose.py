@@ -144,7 +144,7 @@ def untested(found: Account, config: GapConfig, law: PhotonLaw | None) -> dict[s
         FlyingPixels.NAME: "motion mixes edges by itself: record at rest",
         HAND_EYE: "motion shifts what poses are known by: record at rest",
     }
-    return not_testable(found.solved.evidence, config.noise, law) | (beside_motion if found.solved.names(Motion.NAME) else {})
+    return not_testable(found.solved.bare, config.noise, law) | (beside_motion if found.solved.names(Motion.NAME) else {})
 
 
 def law_beside(found: Account, config: GapConfig) -> PhotonLaw | None:

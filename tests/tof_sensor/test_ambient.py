@@ -143,6 +143,9 @@ def test_without_a_law_or_an_amplitude_image_the_reason_is_given() -> None:
         == "no noise to compare with: pass --sensor with the sensor.yaml of a session of this camera without ambient light"
     )
     assert Ambient.not_testable(replace(session(0.0), has_amplitude=False)) == NO_AMPLITUDE
+    steps = Ambient.not_testable(replace(session(0.0), noise_of_steps=True))
+    assert steps is not None
+    assert steps.startswith("noise grows with the steps of the fixed pattern")
 
 
 @pytest.mark.slow

@@ -42,7 +42,8 @@ class ViewEvidence:
     noise, both in single precision as depth is (60 nm of a metre); smooth, edge, gross (H, W) masks; pixels (n,) flat indices for
     fits; concavity (H, W) share of the hemisphere over a pixel that the scene covers, NaN where it was not computed; step_m metres
     between depth codes, 0 where depth is continuous; limits: by which this view's pixels were selected; stepped (H, W): pixels beside
-    steps of a named fixed pattern (`seen.steps`), None without one; correlation: of the noise of neighbouring pixels.
+    steps of a named fixed pattern (`seen.steps`), None without one; noise_of_steps: whether noise grows with the steps around a pixel, as
+    where the camera's average takes in neighbours beyond them or not; correlation: of the noise of neighbouring pixels.
     """
 
     view: View
@@ -57,6 +58,7 @@ class ViewEvidence:
     step_m: float
     limits: EvidenceLimits
     stepped: Mask | None = None
+    noise_of_steps: bool = False
     correlation: NoiseCorrelation = INDEPENDENT
 
     @property

@@ -28,6 +28,7 @@ def session_of(views: Sequence[ViewEvidence], noise: NoiseLimits, scene: Scene |
         has_amplitude=any(v.view.amplitude is not None for v in views),
         modulated=not like_stereo(views, noise),
         law=law,
+        noise_of_steps=any(v.noise_of_steps for v in views),
         posed_apart=all(v.view.robot is not None and v.view.robot.cov is not None for v in views),
     )
 

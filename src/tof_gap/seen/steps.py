@@ -48,7 +48,8 @@ def beside_steps(views: Sequence[ViewEvidence], pattern: Sequence[Float], limits
     # The average takes in neighbours beyond a step or not, from capture to capture: such pixels have a noise of their own.
     out = tuple(replace(v, stepped=s | lines, smooth=v.smooth & ~(s | lines)) for v, s in zip(out, stepped, strict=True))
     noisy = _noise_of_steps(out, [_span(p, AVERAGED) for p in pattern], limits)
-    return tuple(replace(v, smooth=v.smooth & ~n) for v, n in zip(out, noisy, strict=True))
+    grown = any(n.any() for n in noisy)
+    return tuple(replace(v, smooth=v.smooth & ~n, noise_of_steps=grown) for v, n in zip(out, noisy, strict=True))
 
 
 def _noise_of_steps(views: Sequence[ViewEvidence], spans: Sequence[Float], limits: MissingLimits) -> list[Mask]:

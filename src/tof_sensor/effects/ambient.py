@@ -110,11 +110,13 @@ class Ambient(Effect):
 
     @classmethod
     def lacks(cls, session: Session) -> str:
-        """An amplitude image, a photon law to compare with, or one exposure."""
+        """An amplitude image, one exposure, an average over the same neighbours everywhere, or a photon law to compare with."""
         if not session.has_amplitude:
             return NO_AMPLITUDE
         if session.exposed:
             return "exposure is automatic: views are noisier the brighter they are, at the same amplitude"
+        if session.noise_of_steps:
+            return "noise grows with the steps of the fixed pattern: the camera averages over fewer neighbours there than the photon law assumes"
         return (
             ""
             if session.law is not None

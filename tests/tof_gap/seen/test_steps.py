@@ -123,9 +123,11 @@ def test_noise_that_grows_with_the_steps_of_a_pattern_is_read_off_where_the_patt
     judged = beside_steps(noisy, [pattern] * VIEWS, LIMITS)
     assert not any(v.smooth[:, STEEP].any() for v in judged)
     assert np.mean([v.smooth[:, ~STEEP].mean() for v in judged]) > 0.7
+    assert all(v.noise_of_steps for v in judged)
 
 
 def test_noise_that_does_not_follow_a_pattern_is_read_off_everywhere() -> None:
     noisy, pattern = noisy_where(STEEP, 1.0)
     judged = beside_steps(noisy, [pattern] * VIEWS, LIMITS)
     assert [v.smooth.sum() for v in judged] == [v.smooth.sum() for v in noisy]
+    assert not any(v.noise_of_steps for v in judged)
