@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -15,12 +16,15 @@ from tof_sim_label.config import LabelConfig
 from toftwin.thinned import thinned
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from tof_core.bag import BagReader
     from tof_core.capture import Capture, View
     from tof_sim_label.labeller import LabellerConfig
     from toftwin.boarded import BoardSource
+
+FIRST_READING_S = 60.0
+"""Seconds from a view to the thermometer's first message, up to which its reading holds: a housing warms over minutes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,4 +79,13 @@ def raw_views(reader: BagReader | BoardSource, config: StreamConfig, moving: int
     """Averaged, unfiltered views of a bag for a diagnosis of the sensor: all at rest, and at most `moving` in motion (None: all)."""
     unfiltered = replace(config, preproc=replace(config.preproc, order="accumulate"))
     views = (replace(view, colour=None, noise=None) for view in ViewStream(reader, unfiltered))
-    return list(views) if moving is None else thinned(views, moving)
+    return with_first_temperature(list(views) if moving is None else thinned(views, moving))
+
+
+def with_first_temperature(views: Sequence[View]) -> list[View]:
+    """The views, of which those up to `FIRST_READING_S` before the thermometer's first message take its reading."""
+    first = next((v for v in views if math.isfinite(v.temperature)), None)
+    if first is None:
+        return list(views)
+    early = (first.stamp_ns - v.stamp_ns for v in views)
+    return [replace(v, temperature=first.temperature) if 0 < ns <= FIRST_READING_S * 1e9 else v for v, ns in zip(views, early, strict=True)]

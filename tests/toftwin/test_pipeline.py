@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from tof_preproc.stream import PreprocStream
 from tof_preproc.stream_config import StreamConfig
 from toftwin.graph import GraphSpec, parse_parameters
 from toftwin.options import parse_placement
-from toftwin.pipeline import PipelineConfig, ViewStream
+from toftwin.pipeline import PipelineConfig, ViewStream, with_first_temperature
 
 GOLDEN = Path(__file__).parents[1] / "data" / "golden" / "bag"
 
@@ -37,6 +38,15 @@ def test_the_last_running_view_of_a_dwell_is_the_sessions_view() -> None:
         np.testing.assert_array_equal(a.sigma, b.sigma)
         np.testing.assert_array_equal(a.reason, b.reason)
         assert (a.captures, a.station) == (b.captures, b.station) == (3, a.station)
+
+
+def test_views_before_the_thermometers_first_message_take_its_reading_for_a_minute() -> None:
+    with open_bag(GOLDEN) as reader:
+        view = next(iter(ViewStream(reader, PipelineConfig())))
+    read = [(0.0, np.nan), (50.0, np.nan), (100.0, 31.0), (150.0, 33.0), (200.0, np.nan)]
+    views = [replace(view, stamp_ns=int(s * 1e9), temperature=t) for s, t in read]
+    np.testing.assert_array_equal([v.temperature for v in with_first_temperature(views)], [np.nan, 31.0, 31.0, 33.0, np.nan])
+    assert all(np.isnan(v.temperature) for v in with_first_temperature(views[:2]))
 
 
 def test_each_view_knows_its_captures() -> None:
