@@ -49,10 +49,10 @@ class FilterLimits:
         why="lines of their own: -0.05 and 0; loss of weak light and at random: 0.57 to 0.90",
     )
     noise_of_steps: float = param(
-        1.5,
+        1.25,
         "variance of noise where a fixed pattern is steepest, over that where it is smoothest, from which the pattern makes it",
         low=1.0,
-        why="noise of the camera's own: 0.9 to 1.1; of two averages over steps of columns: 3 and 4",
+        why="noise of the camera's own: 0.9 to 1.1; of averages over steps of columns 3 and 4, of a bilateral filter 1.4",
     )
     noise_sigma: float = param(
         3.0, "standard deviations of noise that nine pixels span", low=1.0, why="expected range of nine normal values"

@@ -14,7 +14,7 @@ from tof_gap.seen.correlation import INDEPENDENT
 from tof_gap.seen.finding import CONFIDENT, Finding, most
 from tof_gap.seen.line_noise import line_map, line_noise, line_noise_by_view
 from tof_gap.seen.pattern import beside_pixels, single_pixels
-from tof_gap.seen.photons import automatic_exposure, binned, code_step, constant_part, fit_law, of_one_capture, quiet_law, view_ratio
+from tof_gap.seen.photons import automatic_exposure, binned, code_step, constant_part, fit_law, of_one_capture, over_law, quiet_law, view_ratio
 from tof_gap.seen.pixel_noise import confirmed, noisy_pixels, pixel_pattern
 from tof_gap.seen.range_code import steps_along_ray
 from tof_gap.seen.repeated import repeated
@@ -103,7 +103,7 @@ def noise_effects(
         return [] if hit.name in left_out else [hit]
     if Noise.NAME in left_out:
         return []
-    usual = law is not None and np.median(b.variance / law.variance(b.amplitude, b.surroundings2)) < 1.0 + limits.law_excess
+    usual = law is not None and over_law(b, law) < 1.0 + limits.law_excess
     return _noise(views, near, b, None if usual or unmerged or exposed or piled_up else fitted, limits)
 
 

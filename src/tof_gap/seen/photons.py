@@ -111,6 +111,15 @@ def variance_of_mean(law: PhotonLaw, view: ViewEvidence) -> Float:
     return law.variance(view.frame.amplitude, view.frame.surroundings_m2) / view.view.captures
 
 
+def over_law(b: NoiseBins, law: PhotonLaw) -> float:
+    """Median variance over that of a stated law: of all bins, or of the brighter half if that is less.
+
+    Noise at every amplitude shows in bright light most, where the law leaves least; a law that is wrong in weak light does not.
+    """
+    ratio = b.variance / law.variance(b.amplitude, b.surroundings2)
+    return float(min(np.median(ratio), np.median(ratio[b.amplitude >= np.median(b.amplitude)])))
+
+
 def constant_part(fitted: LawFit, step_m: float) -> float:
     """Metres: standard deviation of the noise at infinite amplitude, less that of the depth code's step."""
     return float(np.sqrt(max(fitted.law.floor_m**2 - step_m**2 / 12, 0.0)))
