@@ -13,7 +13,7 @@ from tof_core.calibration import Calibration, load_calibration
 from tof_gap.diagnose import diagnose
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.known import KnownBias
-from tof_sensor.origin import check_camera
+from tof_sensor.origin import check_camera, differences
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -39,9 +39,15 @@ def diagnose_session(
     untestable: Mapping[str, str] = MappingProxyType({}),
     given: Sequence[Finding] = (),
 ) -> Diagnosis:
-    """Remove the bias of the effects in `known`, diagnose the rest; noise is compared with their photon law. Arguments as of `diagnose`."""
+    """Remove the bias of the effects in `known`, diagnose the rest; noise is compared with their photon law. Arguments as of `diagnose`.
+
+    CameraInfo may state another lens than when `known` was fitted: one of them is wrong, which is what a diagnosis finds out.
+    """
     if known is not None and views:
-        check_camera(known.camera, views[0].camera)
+        check_camera(known.camera, views[0].camera, any_lens=True)
+        if differs := differences(known.camera, views[0].camera):
+            progress(f"sensor.yaml was fitted with another lens in camera_info ({', '.join(differs)}): one of them is wrong")
+        known = replace(known, camera=None)
     if known is not None and known.names != (PhotonLaw.NAME,):  # the law of the noise has no bias
         progress("removing known effects")
         views = known_removed(views, caster, KnownBias(known), align)

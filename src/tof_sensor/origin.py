@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 SAME_PX = 0.01
 """Difference of focal length or principal point, in pixels, above which two cameras differ: files keep six digits."""
 SIZES, LENS = ("width", "height"), ("fx", "fy", "cx", "cy")
+LENS_FAULT = 0.05
+"""Share of the image's width by which focal length or principal point may be wrong in CameraInfo: units of one type differ by up to 3 %."""
 CAMERA_KEYS = {*SIZES, *LENS, "distortion_model", "distortion"}
 
 
@@ -28,23 +30,34 @@ class Promise:
     high: float
 
 
-def check_camera(fitted: Camera | None, here: Camera) -> None:
+def check_camera(fitted: Camera | None, here: Camera, *, any_lens: bool = False) -> None:
     """Refuse a model of another camera, or of another calibration of its lens; a model without a camera is valid for all.
+
+    any_lens: whether the calibrations may differ as far as those of two units of one type (`LENS_FAULT`).
 
     Raises:
         RefusedError: the cameras differ.
     """
-    if fitted is None:
-        return
-    differs = [f"{k} {getattr(fitted, k)} against {getattr(here, k)}" for k in SIZES if getattr(fitted, k) != getattr(here, k)]
-    differs += [
-        f"{k} {getattr(fitted, k):g} against {getattr(here, k):g}" for k in LENS if abs(getattr(fitted, k) - getattr(here, k)) > SAME_PX
-    ]
-    if _coefficients(fitted) != _coefficients(here):
-        differs.append("distortion")
+    differs = differences(fitted, here)
+    if fitted is not None and any_lens and fitted.shape == here.shape:
+        differs = _differ(fitted, here, LENS, LENS_FAULT * here.width)
     if differs:
         msg = f"was fitted to another camera ({', '.join(differs)})"
         raise RefusedError(msg, where="sensor.yaml", todo="diagnose a session of this camera with `toftwin gap` and use its sensor.yaml")
+
+
+def differences(fitted: Camera | None, here: Camera) -> list[str]:
+    """In words, how the camera that a model was fitted to differs from the one here; empty without one."""
+    if fitted is None:
+        return []
+    other = [] if _coefficients(fitted) == _coefficients(here) else ["distortion"]
+    return [*_differ(fitted, here, SIZES, 0.0), *_differ(fitted, here, LENS, SAME_PX), *other]
+
+
+def _differ(fitted: Camera, here: Camera, names: tuple[str, ...], most: float) -> list[str]:
+    """Both values of each attribute that differs by more than `most` pixels."""
+    values = [(name, getattr(fitted, name), getattr(here, name)) for name in names]
+    return [f"{name} {a:g} against {b:g}" for name, a, b in values if abs(a - b) > most]
 
 
 def _coefficients(camera: Camera) -> tuple[float, ...]:

@@ -13,7 +13,7 @@ from tof_core.camera import Camera
 from tof_core.errors import ConfigError, RefusedError
 from tof_sensor.effects.range_offset import RangeOffset
 from tof_sensor.model import SensorModel, load_model, save_model
-from tof_sensor.origin import Promise, check_camera
+from tof_sensor.origin import Promise, check_camera, differences
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -48,6 +48,16 @@ def test_a_model_fits_its_own_camera(here: Camera) -> None:
 def test_a_model_is_refused_on_another_camera(here: Camera, differs: str) -> None:
     with pytest.raises(RefusedError, match=differs):
         check_camera(CAMERA, here)
+
+
+def test_before_a_diagnosis_the_lens_may_be_that_of_another_unit() -> None:
+    other = replace(CAMERA, fx=204.0, cx=118.0, distortion=(0.12, 0.0))
+    assert differences(CAMERA, other) == ["fx 210.25 against 204", "cx 111.5 against 118", "distortion"]
+    check_camera(CAMERA, other, any_lens=True)
+    with pytest.raises(RefusedError, match="fx 210.25 against 180"):
+        check_camera(CAMERA, replace(CAMERA, fx=180.0), any_lens=True)
+    with pytest.raises(RefusedError, match="width 224 against 128"):
+        check_camera(CAMERA, replace(CAMERA, width=128), any_lens=True)
 
 
 @pytest.mark.parametrize(
