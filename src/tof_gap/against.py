@@ -15,7 +15,7 @@ import numpy as np
 from tof_core.shares import in_percent
 from tof_gap.calibration_apart import as_calibrated, mounts_differ
 from tof_gap.second import as_fitted, enlarged
-from tof_gap.seen.noise import least_mm
+from tof_gap.seen.photons import least_mm
 from tof_gap.seen.residual import noise_again
 from tof_gap.tell.difference import LACKS, STRONG, SUPERFLUOUS, WEAK, Against, AgainstLimits, Difference
 from tof_gap.tell.levels_apart import Level, Noisy, Seen, ambient_apart, mixing_apart, noise_apart, steps_apart, wraps_apart

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,7 +30,8 @@ class NoiseBins:
     """Temporal noise by amplitude, in bins of every view, each (n,).
 
     view: index of the view; amplitude: mean, camera's unit; range2: mean squared range, m^2; surroundings2: mean of `Frame.surroundings_m2`;
-    variance: of one capture, m^2 along the ray; samples: their number.
+    variance: of one capture by its neighbours, m^2 along the ray; samples: their number; between: variance between the captures of a dwell,
+    m^2 along the ray, NaN in views of one capture.
     """
 
     view: Float
@@ -39,10 +40,11 @@ class NoiseBins:
     surroundings2: Float
     variance: Float
     samples: Float
+    between: Float | None = None
 
     def of(self, keep: Mask) -> NoiseBins:
         """The bins of a mask."""
-        return NoiseBins(*(getattr(self, f.name)[keep] for f in fields(self)))
+        return replace(self, **{f.name: v[keep] for f in fields(self) if (v := getattr(self, f.name)) is not None})
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -61,6 +61,15 @@ def chance_of_sagging(turns: Float, cameras: Float, station: Ints) -> float:
     return min(1.0, len(turns.T) * least)
 
 
+def over_prior(arms: Float, arms_sd: Float) -> float:
+    """RMS of arm errors (V, 6) over their standard deviations by the robot's prior: of positions, or of turns if that is less.
+
+    Encoders, a base that slips and a wrong TF tree err in both; depth errors that poses absorb mostly move the camera along its axis.
+    """
+    squares = ((arms / arms_sd) ** 2).reshape(-1, 2, 3).mean(axis=(0, 2))
+    return float(np.sqrt(squares.min()))
+
+
 def means(views: Sequence[ViewEvidence], maps: Sequence[Float]) -> Float:
     """(V, 1) mean over each view's smooth pixels of an effect's map (H, W), metres; NaN without any."""
     return np.array([[np.nanmean(m[v.smooth]) if np.isfinite(m[v.smooth]).any() else np.nan] for v, m in zip(views, maps, strict=True)])

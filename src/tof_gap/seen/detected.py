@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_gap.seen.finding import Finding
-from tof_gap.seen.photons import automatic_exposure, binned, code_step, fit_law, variance_of_mean
+from tof_gap.seen.photons import as_captures_differ, automatic_exposure, binned, code_step, fit_law, variance_of_mean
 from tof_gap.seen.session import session_of
 from tof_sensor.registry import PHYSICAL_ORDER
 
@@ -46,7 +46,7 @@ def detected_effects(
 
 def judged(views: Sequence[ViewEvidence], limits: NoiseLimits, law: PhotonLaw | None) -> Session:
     """The session with its noise by amplitude, and whether exposure is automatic, which matters beside a stated law alone."""
-    bins = binned(views, limits.bins, limits)
+    bins = as_captures_differ(binned(views, limits.bins, limits), 0.0 if law is None else law.between)
     many = law is not None and len(bins.view) >= limits.least_bins
     exposed = many and automatic_exposure(bins, fit_law(bins, code_step(views), limits), limits)
     return replace(session_of(views, limits, law=law), noise=bins, exposed=exposed)

@@ -10,11 +10,25 @@ import numpy as np
 from scipy.ndimage import minimum_filter
 
 from tof_core.shares import in_percent
+from tof_gap.seen.bursts import bursts
 from tof_gap.seen.correlation import INDEPENDENT
 from tof_gap.seen.finding import CONFIDENT, Finding, most
 from tof_gap.seen.line_noise import line_map, line_noise, line_noise_by_view
 from tof_gap.seen.pattern import beside_pixels, single_pixels
-from tof_gap.seen.photons import automatic_exposure, binned, code_step, constant_part, fit_law, of_one_capture, over_law, quiet_law, view_ratio
+from tof_gap.seen.photons import (
+    as_captures_differ,
+    automatic_exposure,
+    between_ratio,
+    binned,
+    code_step,
+    constant_map,
+    constant_part,
+    fit_law,
+    least_mm,
+    of_means,
+    of_one_capture,
+    over_law,
+)
 from tof_gap.seen.pixel_noise import confirmed, noisy_pixels, pixel_pattern
 from tof_gap.seen.range_code import steps_along_ray
 from tof_gap.seen.repeated import repeated
@@ -36,8 +50,6 @@ if TYPE_CHECKING:
     from tof_sensor.effects.photon_law import PhotonLaw
     from tof_sensor.session import NoiseBins
 
-BURST_ROUNDS = 3
-"""Rounds in which views that do not stand out from the quiet ones join them."""
 BY = "by columns", "by rows"
 """Lines whose pixels are along axis 0, and along axis 1."""
 FIELD_TERMS = 3
@@ -77,7 +89,7 @@ def noise_effects(
         if Quantization.NAME in left_out:
             return []
         coarse = Quantization(step_m=step, along_ray=steps_along_ray(views, step))
-        return [Finding(coarse, 1.0, share=_constant(views, step / np.sqrt(12)))]
+        return [Finding(coarse, 1.0, share=constant_map(views, step / np.sqrt(12)))]
     # Structure, such as edges of texture and rounded creases, grows with distance as noise does that neighbours share. Only beside a
     # stated law is the variance itself asked for; else views and amplitudes are compared with each other, by next neighbours alone.
     near = views if law is not None else [replace(v, correlation=INDEPENDENT) for v in views]
@@ -96,9 +108,10 @@ def noise_effects(
             if not repeated(views, found.common, limits.repeated):
                 return [found]
     b = of_one_capture(without_offsets(b, near), np.array([v.view.captures for v in views], float), step, limits)
+    b = as_captures_differ(b, between_ratio(b) if law is None else law.between)
     fitted = None if dark else fit_law(b, step, limits)
     exposed = fitted is not None and automatic_exposure(b, fitted, limits)
-    hit = None if dark or unmerged or {Interference.NAME, Noise.NAME} <= left_out else _bursts(views, b, step, limits, exposed=exposed)
+    hit = None if dark or unmerged or {Interference.NAME, Noise.NAME} <= left_out else bursts(views, b, step, limits, exposed=exposed)
     if hit is not None:
         return [] if hit.name in left_out else [hit]
     if Noise.NAME in left_out:
@@ -119,39 +132,6 @@ def without_offsets(b: NoiseBins, views: Sequence[ViewEvidence]) -> NoiseBins:
         return b
     least = views[0].limits.pattern.level_share * b.variance
     return replace(b, variance=np.maximum(b.variance - more * pixel_pattern(views) ** 2, least))
-
-
-def _bursts(views: Sequence[ViewEvidence], b: NoiseBins, step: float, limits: NoiseLimits, *, exposed: bool) -> Finding | None:
-    """Noise of some views above that of the quiet ones, and above that of their brightness where exposure is automatic."""
-    quiet = quiet_law(b, step, len(views), limits)
-    ratio = view_ratio(b, quiet, len(views), limits, exposed=exposed)
-    # A filter that stops at edges averages fewer pixels in some views than in others.
-    hit = _stand_out(np.log(ratio), limits, limits.burst_filtered if views[0].correlation.correlated else limits.burst)
-    several = hit.sum() > 1 or (hit.any() and ratio.max() > limits.alone)
-    if not several or hit.sum() > (1 - limits.quiet_share) * len(views):
-        return None
-    return _burst(views, b, quiet, hit, limits)
-
-
-def least_mm(views: Sequence[ViewEvidence], limits: NoiseLimits) -> float:
-    """Least noise of one capture that is named. A filter in the camera rounds creases, which differences of pixels take for noise."""
-    return limits.extra_filtered_mm if any(v.correlation.correlated for v in views) else limits.extra_mm
-
-
-def _stand_out(ln_variance: Float, limits: NoiseLimits, burst: float) -> Mask:
-    """(V,) views whose noise exceeds that of the quiet views by the factor `burst`, and by more than quiet views differ from each other.
-
-    Quiet views differ by scene, range and albedo, since the photon law is not exact.
-    """
-    quiet = np.sort(ln_variance)[: max(len(ln_variance) // 2, 2)]
-    hit = ln_variance > np.median(quiet) + 2.0 * np.log(burst)
-    for _ in range(BURST_ROUNDS):
-        quiet = ln_variance[~hit]
-        if len(quiet) < 2:
-            break
-        apart = max(2.0 * float(np.log(burst)), limits.burst_sigma * float(np.std(quiet, ddof=1)))
-        hit &= ln_variance > float(quiet.mean()) + apart
-    return np.asarray(hit)
 
 
 def _noise(
@@ -244,7 +224,7 @@ def _named(parts: Sequence[Part], views: Sequence[ViewEvidence], floor_std: floa
         Noise(extra_m=min(size, most(Noise, "extra_m"))),
         CONFIDENT,
         {"extra_m": floor_std},
-        _of_means(views, size),
+        of_means(views, size),
         common=sum(maps[1:], maps[0]) if maps else None,
         note=", ".join(f"{1e3 * part.size_m:.1f} mm {part.of}" for part in parts),
         own_noise=next((part.where for part in parts if part.where is not None), None),
@@ -265,36 +245,3 @@ def without_noisy_pixels(views: Sequence[ViewEvidence], limits: NoiseLimits) -> 
     """The views less the pixels with a noise of their own: the photon law is fitted to the others."""
     found = _noisy(views, limits)
     return views if found is None else [replace(v, smooth=v.smooth & ~found.where) for v in views]
-
-
-def _burst(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit, hit: Mask, limits: NoiseLimits) -> Finding | None:
-    """Views noisier than the others: `interference` where the excess falls with the camera's own light, else `noise` in bursts.
-
-    None where the excess is less than is named of constant noise.
-    """
-    note = f"{int(hit.sum())} of {len(views)} views hit"
-    in_hit = hit[b.view.astype(int)]
-    excess = (b.variance - fitted.law.variance(b.amplitude, b.surroundings2))[in_hit]
-    weak = (fitted.law.reference / b.amplitude[in_hit]) ** 2
-    # Relative misfit of an excess variance that is constant, and of one proportional to 1 / amplitude^2.
-    relative = [np.log(np.maximum(excess, 1e-12) / x) for x in (np.ones_like(weak), weak)]
-    constant, foreign = (float(np.median(np.abs(x - np.median(x)))) for x in relative)
-    duty, steady = float(hit.mean()), constant < foreign
-    size = float(np.sqrt(np.exp(np.median(relative[0 if steady else 1]))))
-    if size < 1e-3 * least_mm(views, limits):
-        return None
-    share = _of_means(views, size) * hit[:, None, None]
-    if steady:
-        return Finding(Noise(extra_m=min(size, most(Noise, "extra_m")), duty=duty), CONFIDENT, share=share, note=f"in bursts: {note}")
-    effect = Interference(burst_m=min(size, most(Interference, "burst_m")), duty=duty, reference=fitted.law.reference)
-    return Finding(effect, CONFIDENT, share=share, note=note)
-
-
-def _constant(views: Sequence[ViewEvidence], size: float) -> Float:
-    """(V, H, W) the standard deviation `size` at every smooth pixel, NaN elsewhere."""
-    return np.stack([np.where(v.smooth, size, np.nan) for v in views])
-
-
-def _of_means(views: Sequence[ViewEvidence], size: float) -> Float:
-    """(V, H, W) standard deviation of the mean of each view's captures, from that of one capture, `size`; NaN at pixels that are not smooth."""
-    return _constant(views, size) / np.sqrt([v.view.captures for v in views])[:, None, None]

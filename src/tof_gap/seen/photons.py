@@ -12,6 +12,7 @@ from scipy.optimize import nnls
 from scipy.special import stdtr
 
 from tof_core.stats import by_group, hats, robust_std, second_differences, trimmed_std
+from tof_gap.seen.finding import most
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.session import NoiseBins
 
@@ -41,9 +42,9 @@ def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> Noi
     """
     rows = []
     for i, v in enumerate(views):
-        along = (v.residual * v.frame.length, v.frame.amplitude, v.frame.radial**2, v.frame.surroundings_m2)
+        along = (v.residual * v.frame.length, v.frame.amplitude, v.frame.radial**2, v.frame.surroundings_m2, _between_captures2(v))
         shown = [_by_rows(v, along, step) for step in v.correlation.steps]
-        _, a, r2, around2 = shown[0]
+        _, a, r2, around2, between2 = shown[0]
         if len(a) < limits.view_samples:
             continue
         edges = np.quantile(a, np.linspace(0, 1, bins + 1))[1:-1]
@@ -51,13 +52,42 @@ def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> Noi
         parts = [by_group(d2, of, bins) for (d2, *_), of in zip(shown, which, strict=True)]
         count = np.bincount(which[0], minlength=bins)
         means = [np.bincount(which[0], values, bins) / np.maximum(count, 1) for values in (a, r2, around2)]
+        between = by_group(between2, which[0], bins)
         for b in range(bins):
             own = [part[b] for part in parts]
             if min(map(len, own)) >= limits.bin_samples:
                 own2 = v.correlation.variance([trimmed_std(d2) ** 2 for d2 in own])
-                rows.append((i, *(mean[b] for mean in means), v.view.captures * own2, count[b]))
-    table = np.array(rows, float).reshape(-1, 6)
+                rows.append((i, *(mean[b] for mean in means), v.view.captures * own2, count[b], np.median(between[b])))
+    table = np.array(rows, float).reshape(-1, 7)
     return NoiseBins(*table.T)
+
+
+def _between_captures2(view: ViewEvidence) -> Float:
+    """(H, W) m^2 along the ray: variance of one capture as the captures of the dwell differ; NaN for one capture."""
+    if view.view.captures < 2:
+        return np.full(view.residual.shape, np.nan)
+    return np.asarray(view.view.count * (view.view.sigma * view.frame.length) ** 2)
+
+
+def between_ratio(b: NoiseBins) -> float:
+    """Variance between captures over that among neighbours in the darker half of the bins, where noise outweighs structure; 0: unknown.
+
+    A camera that filters over captures makes them alike, one that filters over neighbours makes these alike.
+    """
+    if b.between is None:
+        return 0.0
+    dark = (b.amplitude <= np.median(b.amplitude)) & np.isfinite(b.between)
+    return float(np.median(b.between[dark] / np.maximum(b.variance[dark], 1e-14))) if dark.any() else 0.0
+
+
+def as_captures_differ(b: NoiseBins, ratio: float) -> NoiseBins:
+    """The bins with at most the variance by which captures differ, over `ratio` (`between_ratio`; 0: no change).
+
+    What neighbours do not share may be structure: the rest of a fixed pattern, mirror images, edges of texture. Captures share it.
+    """
+    if ratio <= 0.0 or b.between is None:
+        return b
+    return replace(b, variance=np.fmin(b.variance, b.between / ratio))
 
 
 def _by_rows(view: ViewEvidence, along: Sequence[Float], step: int) -> list[Float]:
@@ -232,8 +262,25 @@ def own_law(views: Sequence[ViewEvidence], named: Sequence[Effect], limits: Nois
         wrong2 = wrong2 * [v.view.captures for v in views]
         b = replace(b, variance=np.maximum(b.variance - wrong2[b.view.astype(int)], views[0].limits.pattern.level_share * b.variance))
     b = of_one_capture(b, np.array([v.view.captures for v in views], float), step, limits)
+    ratio = between_ratio(b)
+    b = as_captures_differ(b, ratio)
     bursts = any(e.in_bursts for e in named)
     law = (quiet_law(b, step, len(views), limits) if bursts else fit_law(b, step, limits)).law
     apart2 = sum(e.constant_variance for e in named)
     floor_m = float(np.sqrt(max(law.floor_m**2 - apart2, 0.0)))
-    return replace(law, floor_m=floor_m, window_px=views[0].correlation.window_px)
+    return replace(law, floor_m=floor_m, window_px=views[0].correlation.window_px, between=min(ratio, most(PhotonLaw, "between")))
+
+
+def least_mm(views: Sequence[ViewEvidence], limits: NoiseLimits) -> float:
+    """Least noise of one capture that is named. A filter in the camera rounds creases, which differences of pixels take for noise."""
+    return limits.extra_filtered_mm if any(v.correlation.correlated for v in views) else limits.extra_mm
+
+
+def constant_map(views: Sequence[ViewEvidence], size: float) -> Float:
+    """(V, H, W) the standard deviation `size` at every smooth pixel, NaN elsewhere."""
+    return np.stack([np.where(v.smooth, size, np.nan) for v in views])
+
+
+def of_means(views: Sequence[ViewEvidence], size: float) -> Float:
+    """(V, H, W) standard deviation of the mean of each view's captures, from that of one capture, `size`; NaN at pixels that are not smooth."""
+    return constant_map(views, size) / np.sqrt([v.view.captures for v in views])[:, None, None]

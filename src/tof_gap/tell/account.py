@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_core.memory import give_back
 from tof_gap.seen import detected, missing, noise
-from tof_gap.seen.arm_steps import chance_of_following, chance_of_sagging, contents
+from tof_gap.seen.arm_steps import chance_of_following, chance_of_sagging, contents, over_prior
 from tof_gap.seen.foreign_lamp import foreign_lamp
 from tof_gap.seen.foreign_light import ALONG, along_the_view, drifts_by_chance, foreign_light
 from tof_gap.seen.lost_by_line import lost_by_lines
@@ -29,6 +29,7 @@ from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.temperature_drift import TemperatureDrift
 from tof_sensor.effects.time_sync import TimeSync
+from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -66,7 +67,8 @@ class Account:
     causes: effects of the solution, each with its figures on held-out views; findings: effects that noise, loss or edges show;
     figures: the arrays that every figure is computed from; gap: before and after all asserted effects; pushed: whether arm errors
     along the optical axis exceed the robot's prior and no named effect explains them; follows: whether they follow distance and
-    amplitude of the views, as a depth error does that the poses absorb; sags: whether turns of the camera follow the hand's attitude.
+    amplitude of the views, as a depth error does that the poses absorb; sags: whether turns of the camera follow the hand's attitude;
+    astray: whether arm errors exceed the robot's prior in positions and turns.
     """
 
     solved: Solved
@@ -77,6 +79,7 @@ class Account:
     pushed: bool = False
     follows: bool = False
     sags: bool = False
+    astray: bool = False
 
     def names(self, *, causes: bool) -> set[str]:
         """Names for the verdict: causes and findings; without `causes`, only the findings that were not read off structure."""
@@ -122,7 +125,9 @@ def account(
     gated = tuple(given) if along_ray is None else (*given, along_ray)
     arms_tell = not alone and not _arms_silent(solved, left_out)
     # Late stamps move the cameras along their twist: what is left of that follows the drive.
-    follows, sags = _arm_signs(solved, config.noise.foreign_light) if arms_tell and not solved.names(TimeSync.NAME) else (False, False)
+    on_time = arms_tell and not solved.names(TimeSync.NAME)
+    follows, sags = _arm_signs(solved, config.noise.foreign_light) if on_time else (False, False)
+    astray = on_time and over_prior(solved.arms, solved.arms_sd) > config.report.unexplained.arm_rms
     findings = gated if alone else (*gated, *_findings(solved, config, law, left_out, follows=follows))
     counted = figures(solved, findings, rng, config.report)
     for share in (f.share for f in gated if f.share is not None):
@@ -137,7 +142,7 @@ def account(
         and not any(isinstance(f.effect, Interference) for f in findings)
         and along_the_view(solved.arms, solved.arms_sd, config.noise.foreign_light)
     )
-    return Account(solved, causes, findings, counted, gap, pushed, follows, sags)
+    return Account(solved, causes, findings, counted, gap, pushed, follows, sags, astray)
 
 
 def unfounded(found: Account, limits: ForeignLightLimits) -> str | None:
@@ -246,6 +251,12 @@ def steps_along(solved: Solved) -> Float:
 def steps2(solved: Solved) -> Float:
     """(V,) square metres: squared arm errors along the optical axis beyond the variance by the robot's prior."""
     return np.maximum(solved.arms[:, ALONG] ** 2 - solved.arms_sd[:, ALONG] ** 2, 0.0)
+
+
+def astray2(solved: Solved) -> Float:
+    """(V,) square metres of z: mean over each view of the squared depth error that its arm error makes; 0 without smooth pixels."""
+    made = ((pose_columns(v.frame)[v.smooth] @ arm, v) for v, arm in zip(solved.evidence, solved.arms, strict=True))
+    return np.array([float((z**2).mean()) if v.smooth.any() else 0.0 for z, v in made])
 
 
 def _named_m(solved: Solved) -> float:

@@ -158,17 +158,22 @@ def _missing(d: Diagnosis) -> dict[str, float]:
 
 
 def _pose(d: Diagnosis) -> dict[str, Any]:
-    chain = d.chain
+    chain, (arm_mm, arm_deg) = d.chain, arm_errors(d)
     X = se3.log(d.hand_eye) if any(c.named.name == "hand_eye" for c in d.causes) else np.zeros(6)
-    arm = np.array([se3.log(A) for A in chain.arm])
     return {
         "stations": [
             {"station": int(s), "B_xyz_m": chain.B[i][:3, 3].tolist(), "B_rotvec_deg": np.degrees(se3.so3_log(chain.B[i][:3, :3])).tolist()}
             for i, s in enumerate(chain.names)
         ],
         "hand_eye": {"xyz_m": X[:3].tolist(), "rotvec_deg": np.degrees(X[3:]).tolist()},
-        "arm_rms": {"mm": 1e3 * _rms(arm[:, :3]), "deg": float(np.degrees(_rms(arm[:, 3:])))},
+        "arm_rms": {"mm": arm_mm, "deg": arm_deg},
     }
+
+
+def arm_errors(d: Diagnosis) -> tuple[float, float]:
+    """Errors of the arm from view to view, RMS: mm and degrees."""
+    arm = np.array([se3.log(A) for A in d.chain.arm])
+    return 1e3 * _rms(arm[:, :3]), float(np.degrees(_rms(arm[:, 3:])))
 
 
 def _rms(v: Float) -> float:

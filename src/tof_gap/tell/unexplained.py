@@ -12,7 +12,7 @@ from scipy.ndimage import binary_dilation
 from tof_gap.seen.lost import brightest, expected, lost
 from tof_gap.seen.residual import gross_bound
 from tof_gap.seen.smeared import smeared
-from tof_gap.tell.account import steps2
+from tof_gap.tell.account import astray2, steps2
 from tof_gap.tell.block_means import block_means, unbiased2
 from tof_gap.tell.figures import away_from_edges
 from tof_gap.tell.where import by_quantity
@@ -40,6 +40,8 @@ VIEWED = "viewed"
 """What arm errors depend on if they follow distance and amplitude of the views."""
 ATTITUDE = "attitude"
 """What turns of the camera depend on if its mount or the arm gives way."""
+ARM = "arm"
+"""What the robot's poses depend on if they err by more than its prior."""
 HAND = "hand"
 """The quantity that arm errors depend on if all views share them or they lie along the optical axis: the camera's place on the hand."""
 
@@ -76,6 +78,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     - The joint fit leaves a share of the chi-square that it was to explain.
     - Arm errors are alike in every view, or lie along the optical axis and exceed the robot's prior, or follow the views there.
     - Turns of the camera by arm errors follow the hand's attitude.
+    - Arm errors exceed the robot's prior, in positions and in turns.
     - An effect that explained some of the gap was taken out as `contradicted`, and more than errors of a healthy camera and of maps is left.
     - A filter in the camera smears edges.
     """
@@ -132,6 +135,7 @@ def _signs(found: Account, limit: UnexplainedLimits, missing: MissingLimits) -> 
         HAND: found.solved.arms_alike > limit.arms or found.pushed,
         VIEWED: found.follows,
         ATTITUDE: found.sags,
+        ARM: found.astray,
         EDGES: smeared(found.solved.bare, missing),
     }
     return [name for name, shown in seen.items() if shown]
@@ -158,7 +162,9 @@ def _share(left2: float, free2: float, before2: float) -> float:
 
 
 def _in_steps2(found: Account) -> float:
-    """mm^2: squared error that steps of the camera along its axis absorb, where these are no errors of the arm."""
+    """mm^2: squared error that arm errors absorb where these are no errors of a healthy arm: all of it, or that along the camera's axis."""
+    if found.astray:
+        return 1e6 * float(astray2(found.solved).mean())
     return 1e6 * float(steps2(found.solved).mean()) if found.pushed or found.follows else 0.0
 
 

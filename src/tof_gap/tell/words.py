@@ -24,6 +24,7 @@ GOES_WITH = {
     "hand": "the camera's place on the hand",
     "viewed": "distance and brightness of the view",
     "attitude": "the hand's attitude, as where its mount or the arm gives way",
+    "arm": "the arm's pose, whose errors exceed what the robot's prior allows",
     "stray_light": "stray light over the returned light",
 }
 """Words for observables whose names are no words of a reader."""
@@ -83,6 +84,11 @@ def where_to_look(where: Sequence[str], depends_on: Sequence[str] = ()) -> str:
     """What to do about the unexplained gap; `where`: parts that carry it; `depends_on`: quantities that it varies with."""
     if "attitude" in depends_on:
         return "Check the camera's mount and the arm for play: the camera turns under its own weight as the hand turns."
+    if "arm" in depends_on:
+        return (
+            "Check the arm's encoders, the base and TF: camera poses err from view to view by more than align.priors.arm_mm and arm_deg. "
+            "If this arm is no better, state its errors there."
+        )
     if where:
         return f"Look at {listed(where[:3])}: no effect known here explains the error there. Check whether it is as drawn and in its place, and whether it is glossy, wet or transparent."
     return "Look at the maps of the report: no effect known here explains the error that is left, and it lies on no part in particular."

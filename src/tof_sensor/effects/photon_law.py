@@ -38,6 +38,7 @@ class PhotonLaw(Effect):
     )
     reference: float = param(1.0, "reference amplitude in the camera's unit", low=1e-12)
     window_px: int = param(1, "window over which the camera averages neighbours, which then share noise", unit="px", low=1, high=31)
+    between: float = param(0.0, "variance between captures of a dwell over this law's; 0: not known", low=0.0, high=100.0)
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
         """Add noise by amplitude."""

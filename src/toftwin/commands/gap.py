@@ -183,6 +183,7 @@ def meaning_of(verdict: Sequence[str]) -> str:
 
 def summary(d: Diagnosis) -> str:
     """Summary of the diagnosis for a terminal."""
+    from tof_gap.tell.report import arm_errors
     from tof_gap.tell.words import interval, percent, unexplained_words, where_to_look
     from tof_scene.world.words import lines as world_lines
     from tof_scene.world.words import of_views
@@ -204,6 +205,8 @@ def summary(d: Diagnosis) -> str:
         lines.append("no effect is certain enough to be simulated: the gap remains")
     lines += [cause_line(c, d) for c in d.causes]
     lines += [f"  {f.name}: confidence {f.confidence:.2f}" + (f", {f.note}" if f.note and not f.size else "") for f in d.findings]
+    if d.chain.root is None:
+        lines.append("errors of the arm from view to view: {:.1f} mm and {:.2f} degrees RMS".format(*arm_errors(d)))
     if d.unexplained.structured:
         left = unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes))
         lines.append(f"unexplained: {left} To do: {where_to_look(d.unexplained.where, d.unexplained.depends_on)}")

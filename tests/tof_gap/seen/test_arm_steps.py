@@ -10,7 +10,7 @@ import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_core.se3 import exp
-from tof_gap.seen.arm_steps import chance_of_following, chance_of_sagging, contents, means
+from tof_gap.seen.arm_steps import chance_of_following, chance_of_sagging, contents, means, over_prior
 
 ONE_STATION = np.zeros(VIEWS, np.int64)
 SEEN = views(np.random.default_rng(1))
@@ -65,3 +65,12 @@ def test_a_camera_that_its_weight_turns_follows_the_attitude_of_the_hand() -> No
     assert chance_of_sagging(turns, cameras, ONE_STATION) < 1e-5
     upright = np.tile(np.eye(4), (VIEWS, 1, 1))
     assert chance_of_sagging(turns, upright, ONE_STATION) == 1.0, "one attitude shows nothing"
+
+
+def test_arm_errors_exceed_the_prior_if_positions_and_turns_do() -> None:
+    sd = np.broadcast_to([1e-3] * 3 + [2e-3] * 3, (200, 6))
+    drawn = np.random.default_rng(7).standard_normal((200, 6)) * sd
+    assert over_prior(drawn, sd) == pytest.approx(1.0, abs=0.08)
+    assert over_prior(3.0 * drawn, sd) == pytest.approx(3.0, abs=0.25)
+    along = drawn * [1.0, 1.0, 20.0, 1.0, 1.0, 1.0]
+    assert over_prior(along, sd) == pytest.approx(1.0, abs=0.08), "foreign light moves the camera along its axis"

@@ -42,7 +42,9 @@ def test_loss_that_one_view_alone_shows_is_not_the_parts() -> None:
     gone = np.where(VIEW == 1, lost_on_the_part(0.4), 0.0)
     assert worst_part(gone, PART, VIEW, light, FLAT, np.inf, LIMITS) == 0.0
     many = np.arange(len(PART)) % 4
-    assert worst_part(np.where(many > 1, lost_on_the_part(0.4), 0.0), PART, many, light, FLAT, np.inf, LIMITS) == pytest.approx(0.13, abs=0.03)
+    assert worst_part(np.where(many > 1, lost_on_the_part(0.4), 0.0), PART, many, light, FLAT, np.inf, LIMITS) == pytest.approx(
+        0.13, abs=0.03
+    )
 
 
 @pytest.mark.parametrize(("span", "counts"), [(0.8, True), (1.2, False)])

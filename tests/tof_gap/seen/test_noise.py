@@ -10,9 +10,10 @@ import pytest
 
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, SIGMA_M, VIEWS, rendering, views
 from tof_gap.limits.seen import EvidenceLimits, LevelLimits, NoiseLimits
+from tof_gap.seen.bursts import _stand_out
 from tof_gap.seen.detected import judged
 from tof_gap.seen.level import depth_step, noise_level
-from tof_gap.seen.noise import _stand_out, noise_effects, without_offsets
+from tof_gap.seen.noise import noise_effects, without_offsets
 from tof_gap.seen.photons import automatic_exposure, binned, fit_law, own_law, quiet_law, view_ratio
 from tof_gap.seen.residual import gather
 from tof_gap.seen.stereo import like_stereo
@@ -359,7 +360,10 @@ def test_stripes_must_exceed_what_maps_of_named_effects_leave(left_m: float, nam
 @pytest.mark.parametrize(("scatter_m", "name"), [(0.002, []), (0.005, ["interference"])])
 def test_stripes_that_all_captures_of_a_dwell_share_are_of_the_scene(scatter_m: float, name: list[str]) -> None:
     wave = in_some_views(0.008)
-    seen = [replace(v, view=replace(v.view, captures=3, sigma=np.full(SHAPE, scatter_m, np.float32))) for v in views(rng(), wave)]
+    seen = []
+    for v in views(rng(), wave):
+        sigma = scatter_m * np.sqrt(np.median(v.frame.amplitude) / v.frame.amplitude)
+        seen.append(replace(v, view=replace(v.view, captures=3, sigma=sigma, count=np.full(SHAPE, 3, np.uint16))))
     assert [f.name for f in noise_effects(seen, LIMITS)] == name
 
 

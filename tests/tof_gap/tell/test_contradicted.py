@@ -41,7 +41,7 @@ def account(left: np.ndarray, **maps: np.ndarray) -> Any:
     )
     named = [SimpleNamespace(name=name, suspected=False, confidence=1.0) for name in maps]
     solved = SimpleNamespace(evidence=seen, bare=seen, maps=figures.maps, named=named, split=SimpleNamespace(held_out=HELD))
-    return SimpleNamespace(solved=solved, figures=figures, findings=(), follows=False, sags=False)
+    return SimpleNamespace(solved=solved, figures=figures, findings=(), follows=False, sags=False, astray=False)
 
 
 def test_a_map_that_takes_all_of_the_error_leaves_no_share() -> None:

@@ -18,6 +18,7 @@ from tof_core.reasons import Reason
 from tof_gap.limits.missing import MissingLimits
 from tof_gap.limits.report import ReportLimits
 from tof_gap.seen.finding import Finding
+from tof_gap.tell.account import astray2
 from tof_gap.tell.block_means import block_means
 from tof_gap.tell.diagnosis import doubted
 from tof_gap.tell.shrink import Errors, Shrink
@@ -76,6 +77,7 @@ def account(seen: tuple[ViewEvidence, ...], left: list[np.ndarray], before_mm: f
         "pushed": False,
         "follows": False,
         "sags": False,
+        "astray": False,
         "gap": Shrink(error, error, 1e3 * NOISE_M, None, None),
     }
     for name, value in changes.items():
@@ -164,7 +166,7 @@ def test_what_the_solution_states_makes_it_unknown(changes: dict[str, Any], *, s
     assert found.structured is structured
     if {"arms_alike", "pushed"} & changes.keys():
         assert found.depends_on == (("hand",) if structured else ())
-    for sign, quantity in (("follows", "viewed"), ("sags", "attitude")):
+    for sign, quantity in (("follows", "viewed"), ("sags", "attitude"), ("astray", "arm")):
         assert sign not in changes or found.depends_on == (quantity,)
 
 
@@ -176,6 +178,16 @@ def test_an_error_that_steps_of_the_camera_absorb_is_unexplained_too(*, pushed: 
     seen = account(session(), left_over(0.0), 4.0, arms=arms, pushed=pushed, sags=True)
     share = steps2 / (steps2 + seen.gap.shown_mm[0] ** 2)
     assert look(seen, parts(1), ReportLimits(), MissingLimits()).share == pytest.approx(share, abs=0.01)
+
+
+def test_all_that_the_errors_of_an_arm_beyond_its_prior_make_is_unexplained() -> None:
+    """Steps of 3 mm along the optical axis, which change z by a little more before a surface that is tilted."""
+    arms = np.zeros((VIEWS, 6))
+    arms[:, 2] = 3e-3
+    seen = account(session(), left_over(0.0), 4.0, arms=arms, astray=True)
+    made = 1e6 * float(np.mean(astray2(seen.solved)))
+    assert made == pytest.approx(9.0, rel=0.05)
+    assert look(seen, parts(1), ReportLimits(), MissingLimits()).share == pytest.approx(made / (made + seen.gap.shown_mm[0] ** 2), abs=0.01)
 
 
 @pytest.mark.parametrize(("size_mm", "before_mm", "structured"), [(0.9, 2.1, False), (1.1, 2.1, True), (1.1, 4.0, False)])
