@@ -77,3 +77,32 @@ class ForeignLampLimits:
     view_chi2: float = param(50.0, "chi-square (4 degrees of freedom) of a view that has the light", low=0.0, why="beyond any chance")
     view_share: float = param(0.03, "the same, over that of the strongest view", low=0.0, high=1.0, why="other views share a weak pattern")
     views: int = param(3, "views with the light", low=1, why="one or two may be another kind of scene")
+
+
+@dataclass(frozen=True, slots=True)
+class LitLimits:
+    """When noise shows that foreign light falls on a part of the cell."""
+
+    cube_mm: float = param(
+        100.0,
+        "side of the cubes that the cell is divided into",
+        unit="mm",
+        low=1.0,
+        why="a patch of sun is wider; some hundred pixels at 1 m",
+    )
+    pixels: int = param(40, "pixels of a cube in one view", low=2, why="the median of their squared noise is known to 25 %")
+    cubes: int = param(12, "cubes that even and odd views see", low=3, why="a correlation of 0.7 by chance: 1 in 100")
+    lit: float = param(
+        2.0, "variance of noise in a lit cube, over that in quiet ones", low=1.0, why="places of one healthy cell differ by 1.5"
+    )
+    quiet: float = param(
+        1.4, "the same in a cube that keeps to the law; and of the quietest quarter over the law", low=1.0, why="as `law_excess`"
+    )
+    share: float = param(0.1, "share of the pixels that is lit, and that is quiet", low=0.0, high=0.5, why="less may be one rough part")
+    alike: float = param(
+        0.8,
+        "correlation of ln variance by cube between even and odd views",
+        low=0.0,
+        high=1.0,
+        why="noise of the camera's own follows no place",
+    )

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from tof_core.config import param, section
-from tof_gap.limits.foreign import ForeignLampLimits, ForeignLightLimits
+from tof_gap.limits.foreign import ForeignLampLimits, ForeignLightLimits, LitLimits
 from tof_scene.world.limits import WorldLimits
 
 
@@ -287,6 +287,7 @@ class NoiseLimits:
     lines: LineLimits = section(LineLimits, "rows and columns")
     foreign_light: ForeignLightLimits = section(ForeignLightLimits, "another camera's light")
     foreign_lamp: ForeignLampLimits = section(ForeignLampLimits, "another camera's lamp")
+    lit: LitLimits = section(LitLimits, "places under foreign light")
     pixels: PixelLimits = section(PixelLimits, "single pixels")
     beat: BeatLimits = section(BeatLimits, "stripes")
     stereo: StereoLimits = section(StereoLimits, "cameras that triangulate")

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_gap.seen.finding import Finding
+from tof_gap.seen.lit_places import lit_places
 from tof_gap.seen.photons import as_captures_differ, automatic_exposure, binned, code_step, fit_law, variance_of_mean
 from tof_gap.seen.session import session_of
+from tof_sensor.effects.ambient import Ambient
 from tof_sensor.registry import PHYSICAL_ORDER
 
 if TYPE_CHECKING:
@@ -30,7 +32,7 @@ def detected_effects(
     """Findings of all effects' own detectors but those in `left_out`; `law`: the camera's photon law as `--sensor` states it."""
     session = judged(views, limits, law)
     found = [kind.detect(session) for kind in PHYSICAL_ORDER if kind.NAME not in left_out and kind.not_testable(session) is None]
-    return [
+    made = [
         Finding(
             d.effect,
             d.confidence,
@@ -42,6 +44,10 @@ def detected_effects(
         for d in found
         if d is not None
     ]
+    if law is None or Ambient.NAME in {*left_out, *(f.name for f in made)} or Ambient.not_testable(session) is not None:
+        return made
+    lit = lit_places(views, law, limits.lit)
+    return made if lit is None else [lit, *made]
 
 
 def judged(views: Sequence[ViewEvidence], limits: NoiseLimits, law: PhotonLaw | None) -> Session:

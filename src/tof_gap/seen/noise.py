@@ -72,15 +72,15 @@ def noise_effects(
     left_out: AbstractSet[str] = frozenset(),
     law: PhotonLaw | None = None,
     *,
-    unmerged: bool = False,
+    patchy: bool = False,
     piled_up: bool = False,
     of_maps_m: float = 0.0,
 ) -> list[Finding]:
     """`quantization`, or else `interference` or `noise`, where noise shows them and they are not left out.
 
     law: the camera's photon law as `--sensor` states it; noise within it is no effect.
-    unmerged: whether the camera fails to merge its frequencies. Then noise no longer follows the law, and few amplitudes are left to
-    fit it; noise at every amplitude, of some views or of all, is no effect of its own.
+    patchy: whether a named cause makes noise leave the law in places: frequencies that fail to merge, or light on a part of the cell.
+    Then noise at every amplitude, of some views or of all, is no effect of its own.
     piled_up: whether photons hide later ones, so that more light adds no counts: noise left in bright light is no effect of its own.
     of_maps_m: metres that maps of named effects may leave in single views: less is no stripe.
     """
@@ -111,13 +111,13 @@ def noise_effects(
     b = as_captures_differ(b, between_ratio(b) if law is None else law.between)
     fitted = None if dark else fit_law(b, step, limits)
     exposed = fitted is not None and automatic_exposure(b, fitted, limits)
-    hit = None if dark or unmerged or {Interference.NAME, Noise.NAME} <= left_out else bursts(views, b, step, limits, exposed=exposed)
+    hit = None if dark or patchy or {Interference.NAME, Noise.NAME} <= left_out else bursts(views, b, step, limits, exposed=exposed)
     if hit is not None:
         return [] if hit.name in left_out else [hit]
     if Noise.NAME in left_out:
         return []
     usual = law is not None and over_law(b, law) < 1.0 + limits.law_excess
-    return _noise(views, near, b, None if usual or unmerged or exposed or piled_up else fitted, limits)
+    return _noise(views, near, b, None if usual or patchy or exposed or piled_up else fitted, limits)
 
 
 def without_offsets(b: NoiseBins, views: Sequence[ViewEvidence]) -> NoiseBins:

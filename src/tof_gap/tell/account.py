@@ -188,10 +188,11 @@ def _findings(
     foreign = None if Interference.NAME in left_out else _foreign(solved, lines, config, arms_tell=arms_tell)
     taken = left_out if foreign is None else left_out | {Interference.NAME}
     of_maps_m = config.noise.foreign_light.field_share * _named_m(solved)
-    found = noise.noise_effects(beside, config.noise, taken, law, unmerged=unmerged, piled_up=_piled_up(solved), of_maps_m=of_maps_m)
+    patchy = unmerged or any(isinstance(f.effect, Ambient) and f.structure for f in light)
+    found = noise.noise_effects(beside, config.noise, taken, law, patchy=patchy, piled_up=_piled_up(solved), of_maps_m=of_maps_m)
     uneven = [*([] if foreign is None else [foreign]), *found]
     by_lines = any(f.name == Dropout.NAME for f in gone) and lost_by_lines(left, lines, config.missing)
-    kept = (f for f in gone if not (filtered(f, [*uneven, *gone]) or (by_lines and f.name == Dropout.NAME)))
+    kept = (f for f in gone if not (filtered(f, [*light, *uneven, *gone]) or (by_lines and f.name == Dropout.NAME)))
     return (*(f for f in light if not of_own_light(f, solved)), *uneven, *kept)
 
 

@@ -331,7 +331,7 @@ def test_reference_frequencies_that_fail_to_merge_noise_is_no_effect_of_its_own(
     extra = (np.arange(VIEWS) < views_hit)[:, None, None] * rng().normal(0, 0.006, (VIEWS, *SHAPE))
     seen = views(np.random.default_rng(3), extra)
     assert [f.name for f in noise_effects(seen, LIMITS)] == ["noise"]
-    assert noise_effects(seen, LIMITS, unmerged=True) == []
+    assert noise_effects(seen, LIMITS, patchy=True) == []
 
 
 def in_some_views(amplitude_m: float) -> np.ndarray:
