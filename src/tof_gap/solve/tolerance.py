@@ -76,8 +76,8 @@ def _errs_at_edges(name: str) -> bool:
 
 
 def _one_surface(effect: Float, view: ViewEvidence) -> Float:
-    """(n,) metres of a map on the CAD, without changes too large for a bias, where another surface comes into view."""
-    values = effect[view.frame.valid & np.isfinite(effect)]
+    """(n,) metres of a map at the measured pixels of the CAD, without changes too large for a bias, where another surface comes into view."""
+    values = effect[np.isfinite(view.residual) & np.isfinite(effect)]
     return np.asarray(values[np.abs(values) < view.limits.gross_mm * 1e-3])
 
 
