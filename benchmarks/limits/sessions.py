@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING
 
 from benchmarks.filtered import FILTERS, through
 from benchmarks.gap_check.cases import Case
+from benchmarks.gap_check.examine import DATA_SHEET
 from benchmarks.gap_check.record import BAGS, record_all
 from benchmarks.surprises import cases as surprises
 from tof_scene.raycast import Raycaster
+from tof_sensor.model import load_model
 from toftwin.diagnosis import GapPipelineConfig
 from toftwin.inputs import opened
 from toftwin.pipeline import raw_views
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tof_core.capture import View
+    from tof_sensor.effects.photon_law import PhotonLaw
 
 SURPRISES = 9
 """Seed of the sessions whose world is not as its CAD."""
@@ -45,12 +48,13 @@ PLAN: tuple[tuple[str, str, dict[str, float], str], ...] = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Session:
-    """Views of a recorded session, its scene, and the effects that may not be named."""
+    """Views of a recorded session, its scene, the effects that may not be named, and the photon law that a data sheet states, if there is one."""
 
     name: str
     views: list[View]
     caster: Raycaster
     left_out: frozenset[str]
+    law: PhotonLaw | None = None
 
     @property
     def size(self) -> str:
@@ -86,4 +90,7 @@ def load(folder: Path, name: str, firmware: str = "") -> Session:
         assert scene is not None
         left_out = frozenset(json.loads((case / "list.json").read_text())["left_out"])
         caster, views = Raycaster(scene), raw_views(reader, config)
-        return Session(name, list(through(FILTERS[firmware])(views, caster)) if firmware else views, caster, left_out)
+        if firmware:
+            views = list(through(FILTERS[firmware])(views, caster))
+        sheet = case / "scene" / DATA_SHEET
+        return Session(name, views, caster, left_out, load_model(sheet).law if sheet.exists() else None)

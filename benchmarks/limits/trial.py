@@ -126,7 +126,8 @@ class Trials:
         ):
             self.stage[0] = POSES
             try:
-                d = diagnosis.diagnose(self.session.views, self.session.caster, config, AlignConfig(), self.session.left_out)
+                s = self.session
+                d = diagnosis.diagnose(s.views, s.caster, config, AlignConfig(), s.left_out, law=s.law)
             except ToftwinError as error:
                 return {"verdict": [f"refused: {error}"], "figures": []}
         return {"verdict": list(d.verdict), "figures": [d.gap.shrink, *(d.gap.ci95 or (None, None)), d.explainable]}

@@ -82,7 +82,12 @@ def test_an_effect_is_found_by_standing_in_the_folder(tmp_path: Path) -> None:
         (
             TemperatureDrift,
             session(Context(temperature=30.0), Context(temperature=30.2)),
-            "the temperature is steady or unknown, and the session is shorter than 60 s",
+            "the temperature is steady, and the session is shorter than 60 s",
+        ),
+        (
+            TemperatureDrift,
+            session(Context(temperature=30.0), Context()),
+            "1 of 2 views have no temperature, and the session is shorter than 60 s",
         ),
         (TemperatureDrift, session(Context(temperature=30.0), Context(temperature=31.0)), None),
         (TemperatureDrift, session(Context(time_s=0.0), Context(time_s=90.0)), None),

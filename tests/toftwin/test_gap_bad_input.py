@@ -56,7 +56,7 @@ def test_effects_that_a_minimal_session_cannot_test_are_listed(bare: tuple[str, 
         == "no amplitude image (if the recording has one under another name, pass --amplitude-topic)"
     )
     assert why["motion"] == why["time_sync"] == "no view was taken in motion"
-    assert why["temperature_drift"] == "the temperature is steady or unknown, and the session is shorter than 60 s"
+    assert why["temperature_drift"] == "5 of 5 views have no temperature, and the session is shorter than 60 s"
     assert report["verdict"] == ["none"]
     assert report["gap"]["floor_from"].startswith("5 of 5 views are of one capture: noise, which a pixel does not share with others nearby")
     assert "5 of 5 views are of one capture" in (tmp_path / "report.html").read_text()

@@ -110,7 +110,11 @@ class TemperatureDrift(CurveEffect):
     @classmethod
     def lacks(cls, session: Session) -> str:
         """A change of temperature, or enough time for one, if missing."""
-        return "" if session.warming else "the temperature is steady or unknown, and the session is shorter than 60 s"
+        if session.warming:
+            return ""
+        without = int(np.isnan(session.temperatures).sum())
+        state = f"{without} of {len(session.views)} views have no temperature" if without else "the temperature is steady"
+        return f"{state}, and the session is shorter than 60 s"
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
