@@ -75,3 +75,16 @@ def ros_domain() -> Iterator[int]:
         patch.setenv("ROS_DOMAIN_ID", str(domain))
         patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         yield domain
+
+
+_DRAWN: dict[str, object] = {}
+"""State of each test module's generator `RNG` once the module is imported."""
+
+
+@pytest.fixture(autouse=True)
+def _same_numbers_in_any_order(request: pytest.FixtureRequest) -> None:
+    """A module's `RNG` starts anew for each test: what a test draws does not depend on which tests this worker ran before."""
+    module = getattr(request, "module", None)
+    rng = getattr(module, "RNG", None)
+    if rng is not None:
+        rng.bit_generator.state = _DRAWN.setdefault(request.module.__name__, rng.bit_generator.state)

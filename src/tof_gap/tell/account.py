@@ -205,7 +205,7 @@ def _foreign(solved: Solved, lines: Sequence[LineNoise], config: GapConfig, *, a
     if arms_tell:
         of_lines = noise.smooth_by_lines(left, lines, config.noise)
         found = foreign_light(left, solved.arms, solved.arms_sd, limits, _named_m(solved), of_lines)
-    if found is not None and found.posed_m < _rough_m(solved):
+    if found is not None and found.posed_m < rough_m(solved):
         found = None
     lamp = foreign_lamp(left, config.noise.foreign_lamp)
     if lamp is not None:
@@ -265,7 +265,7 @@ def _named_m(solved: Solved) -> float:
     return float(np.sqrt(sum(size**2 for size in solved.sizes.values())))
 
 
-def _rough_m(solved: Solved) -> float:
+def rough_m(solved: Solved) -> float:
     """Metres: error of the named effects' maps (`Effect.ROUGH`), which differs from view to view."""
     return float(np.sqrt(sum(n.effects[0].ROUGH * solved.sizes[n.name] ** 2 for n in solved.named if n.effects)))
 

@@ -12,7 +12,7 @@ from scipy.ndimage import binary_dilation
 from tof_gap.seen.lost import brightest, expected, lost
 from tof_gap.seen.residual import gross_bound
 from tof_gap.seen.smeared import smeared
-from tof_gap.tell.account import astray2, steps2
+from tof_gap.tell.account import astray2, rough_m, steps2
 from tof_gap.tell.block_means import block_means, unbiased2
 from tof_gap.tell.figures import away_from_edges
 from tof_gap.tell.where import by_quantity
@@ -99,11 +99,11 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     gone = _lost_pixels(found, len(scene.parts), missing)
     least_mm = limit.alone_mm if all(EFFECTS[name].EXACT for name in solved.maps) else limit.mm
     a_gap = before2 > limit.mm**2
-    # The noise of rows and stripes is uneven over parts: beside it no part is judged by itself.
+    # The noise of rows and stripes is uneven over parts: beside it no part is judged by itself. Coarse maps err on parts most.
     off = np.zeros(len(scene.parts), bool)
     if not figures.alike_m:
         before = block_means(views, residual, noise2, limits.block_px, limit.block_pixels)
-        off = off_parts(means, before, len(scene.parts), len(views), limit, least_mm * 1e-3)
+        off = off_parts(means, before, len(scene.parts), len(views), limit, max(least_mm * 1e-3, rough_m(solved)))
     beyond_maps = size**2 > limit.share * before2
     structured = (
         (size > np.hypot(least_mm, 1e3 * figures.alike_m) and beyond_maps)

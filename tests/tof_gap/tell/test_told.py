@@ -15,7 +15,7 @@ from tof_gap.limits.report import ReportLimits
 from tof_gap.seen import detected, missing, noise
 from tof_gap.seen.finding import Finding
 from tof_gap.tell import account as room
-from tof_gap.tell.account import _findings, _gap, _named_m, _rough_m, account
+from tof_gap.tell.account import _findings, _gap, _named_m, account, rough_m
 from tof_gap.tell.diagnosis import Diagnosis, doubted
 from tof_gap.tell.floor import _unshared, shown2
 from tof_gap.tell.shrink import Errors, Shrink
@@ -133,7 +133,7 @@ def test_noise_and_loss_alone_shrink_no_bias(counted: list[Any], findings: tuple
 
 def test_sizes_of_named_effects_add_in_squares() -> None:
     assert _named_m(SOLVED) == pytest.approx(5e-3)
-    assert _rough_m(SOLVED) == pytest.approx(np.sqrt(0.04 * 9e-6 + 0.09 * 16e-6))
+    assert rough_m(SOLVED) == pytest.approx(np.sqrt(0.04 * 9e-6 + 0.09 * 16e-6))
 
 
 LINES_M = 1e-4
