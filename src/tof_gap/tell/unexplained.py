@@ -77,8 +77,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     - Only a free function of an observable describes the error, or small effects explain much only together.
     - The joint fit leaves a share of the chi-square that it was to explain.
     - Arm errors are alike in every view, or lie along the optical axis and exceed the robot's prior, or follow the views there.
-    - Turns of the camera by arm errors follow the hand's attitude.
-    - Arm errors exceed the robot's prior, in positions and in turns.
+    - Turns by arm errors follow the hand's attitude, or arm errors exceed the robot's prior in positions and in turns.
     - An effect that explained some of the gap was taken out as `contradicted`, and more than errors of a healthy camera and of maps is left.
     - A filter in the camera smears edges.
     """

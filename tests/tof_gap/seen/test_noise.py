@@ -362,7 +362,7 @@ def test_stripes_that_all_captures_of_a_dwell_share_are_of_the_scene(scatter_m: 
     wave = in_some_views(0.008)
     seen = []
     for v in views(rng(), wave):
-        sigma = scatter_m * np.sqrt(np.median(v.frame.amplitude) / v.frame.amplitude)
+        sigma = (scatter_m * np.sqrt(np.median(v.frame.amplitude) / v.frame.amplitude)).astype(np.float32)
         seen.append(replace(v, view=replace(v.view, captures=3, sigma=sigma, count=np.full(SHAPE, 3, np.uint16))))
     assert [f.name for f in noise_effects(seen, LIMITS)] == name
 
