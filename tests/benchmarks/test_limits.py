@@ -105,9 +105,9 @@ def test_points_are_the_largest_difference_of_figures_that_both_state() -> None:
 
 
 def test_a_trial_replaces_steps_that_the_diagnosis_has(monkeypatch: pytest.MonkeyPatch) -> None:
-    def diagnose(*_: Any) -> None:
+    def diagnose(*_: Any, **__: Any) -> None:
         raise RefusedError("refused", where="session", todo="")
 
     monkeypatch.setattr("tof_gap.diagnose.diagnose", diagnose)
-    trials = Trials(SimpleNamespace(views=[], caster=None, left_out=frozenset()))  # type: ignore[arg-type]
+    trials = Trials(SimpleNamespace(views=[], caster=None, left_out=frozenset(), law=None))  # type: ignore[arg-type]
     assert trials.run("gap", "noise.burst", 2.0) == {"verdict": ["refused: session: refused"], "figures": []}

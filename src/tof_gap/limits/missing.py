@@ -35,6 +35,13 @@ class FilterLimits:
     quiet_lines: float = param(
         0.3, "loss of the quietest quarter of lines, over that of all", low=0.0, high=1.0, why="lost at random: 0.8; by a filter: 0.1"
     )
+    same_pixels: float = param(
+        0.3,
+        "correlation of the pixels that even and odd views lose, beside what is lost around them, from which a filter takes offsets of pixels for edges",
+        low=0.0,
+        high=1.0,
+        why="by light, of dark parts or at random: 0.02 at most; steps of columns that a filter takes for edges: 0.65",
+    )
     line_loss: float = param(
         1.0,
         "standard deviation of the shares that the lines of a view lose, over their mean, from which loss follows lines",

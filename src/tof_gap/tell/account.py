@@ -14,6 +14,7 @@ from tof_gap.seen.arm_steps import chance_of_following, chance_of_sagging, conte
 from tof_gap.seen.foreign_lamp import foreign_lamp
 from tof_gap.seen.foreign_light import ALONG, along_the_view, drifts_by_chance, foreign_light
 from tof_gap.seen.lost_by_line import lost_by_lines
+from tof_gap.seen.lost_by_pixel import lost_by_pixels
 from tof_gap.seen.repeated import repeated
 from tof_gap.tell.figures import figures
 from tof_sensor.effect import Evidence
@@ -191,8 +192,9 @@ def _findings(
     patchy = unmerged or any(isinstance(f.effect, Ambient) and f.structure for f in light)
     found = noise.noise_effects(beside, config.noise, taken, law, patchy=patchy, piled_up=_piled_up(solved), of_maps_m=of_maps_m)
     uneven = [*([] if foreign is None else [foreign]), *found]
-    by_lines = any(f.name == Dropout.NAME for f in gone) and lost_by_lines(left, lines, config.missing)
-    kept = (f for f in gone if not (filtered(f, [*light, *uneven, *gone]) or (by_lines and f.name == Dropout.NAME)))
+    lossy = any(f.name == Dropout.NAME for f in gone)
+    by_filter = lossy and (lost_by_lines(left, lines, config.missing) or lost_by_pixels(left, config.missing))
+    kept = (f for f in gone if not (filtered(f, [*light, *uneven, *gone]) or (by_filter and f.name == Dropout.NAME)))
     return (*(f for f in light if not of_own_light(f, solved)), *uneven, *kept)
 
 

@@ -22,12 +22,11 @@ CAMERA = Camera(width=128, height=98, fx=120.0, fy=120.0, cx=63.5, cy=48.5)
 
 
 def view(residual: Any, smooth: Any = None, *, gross_mm: float = 50.0) -> Any:
-    """A view of four pixels, all with CAD but the last one."""
-    e = np.asarray(residual, float)
-    flat = np.ones(e.shape, bool) if smooth is None else np.asarray(smooth)
-    valid = np.ones(e.shape, bool)
-    valid[-1] = False
-    return SimpleNamespace(residual=e, smooth=flat, frame=SimpleNamespace(valid=valid), limits=SimpleNamespace(gross_mm=gross_mm))
+    """A view of four pixels, all measured before CAD but the last one."""
+    e = np.asarray(residual, float).copy()
+    e[-1] = np.nan
+    flat = np.isfinite(e) & (True if smooth is None else np.asarray(smooth))
+    return SimpleNamespace(residual=e, smooth=flat, limits=SimpleNamespace(gross_mm=gross_mm))
 
 
 def test_a_map_that_measurements_bear_out_has_its_own_size() -> None:
@@ -50,11 +49,11 @@ def test_pixels_that_are_not_smooth_do_not_count_but_for_what_smears() -> None:
     smooth = [True, False, True, True]
     assert sizes_m({Wiggling.NAME: [made]}, [view(seen, smooth)], [0])[Wiggling.NAME] == pytest.approx(2e-3)
     large = sizes_m({Motion.NAME: [made]}, [view(seen, smooth)], [0])[Motion.NAME]
-    assert large == pytest.approx(np.sqrt((2 * 4e-6 + 64e-6) / 3)), "three pixels have CAD"
+    assert large == pytest.approx(np.sqrt((2 * 4e-6 + 64e-6) / 3)), "three pixels are measured"
     assert sizes_m({Motion.NAME: [made]}, [view(seen, smooth, gross_mm=7.0)], [0])[Motion.NAME] == pytest.approx(2e-3)
 
 
-def test_one_surface_is_where_the_cad_is_and_no_other_comes_into_view() -> None:
+def test_one_surface_is_what_is_measured_where_no_other_comes_into_view() -> None:
     made = np.array([1e-3, -60e-3, np.nan, 5e-3])
     np.testing.assert_array_equal(_one_surface(made, view(np.zeros(4))), [1e-3])
     np.testing.assert_array_equal(_one_surface(made, view(np.zeros(4), gross_mm=61.0)), [1e-3, -60e-3])

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Loss of the same pixels in every view: a filter in the camera takes offsets of pixels for edges, whatever the pixels see."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import uniform_filter
+
+from tof_gap.seen.lost import losses_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float
+    from tof_gap.limits.missing import MissingLimits
+    from tof_gap.seen.residual import ViewEvidence
+
+AROUND_PX = 7
+"""Width of the window whose mean loss is taken off: lenses and lamps lose pixels towards the rim of the image, over wider areas."""
+LEAST_VIEWS = 4
+"""Views of a half in which a pixel should return light, from which its loss counts."""
+
+
+def lost_by_pixels(views: Sequence[ViewEvidence], limits: MissingLimits) -> bool:
+    """Whether even and odd views lose the same pixels, beside what the pixels around lose.
+
+    Loss by light, by a part or by chance goes with what the views see, and they see other things at the same pixel.
+    """
+    even, odd = (_beside_around(views[half::2], limits) for half in (0, 1))
+    known = np.isfinite(even) & np.isfinite(odd)
+    one, other = even[known], odd[known]
+    size = np.sqrt((one @ one) * (other @ other))
+    return bool(size > 0 and one @ other > limits.filter.same_pixels * size)
+
+
+def _beside_around(views: Sequence[ViewEvidence], limits: MissingLimits) -> Float:
+    """(H, W) share of the views that lose a pixel, less the mean of the pixels around; NaN where few views should see it."""
+    shape = views[0].residual.shape if views else (0, 0)
+    losses = losses_of(views, limits, [np.zeros(shape, bool)] * len(views))
+    seen = np.sum(losses.inside, axis=0, dtype=float)
+    gone = np.sum([np.where(i, g, 0.0) for i, g in zip(losses.inside, losses.share, strict=True)], axis=0)
+    around = uniform_filter(gone, AROUND_PX) / np.maximum(uniform_filter(seen, AROUND_PX), 1e-9)
+    return np.where(seen >= LEAST_VIEWS, gone / np.maximum(seen, 1.0) - around, np.nan)
