@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core import se3
 from tof_core.shares import in_percent
 from tof_core.stats import CHI2_MEDIAN, second_differences
 from tof_gap.seen.finding import CONFIDENT, Finding, most
@@ -90,8 +91,7 @@ def _of_view(view: ViewEvidence, law: PhotonLaw, limits: LitLimits) -> tuple[Int
     d2 = second_differences(np.where(view.smooth, view.residual * view.frame.length, np.nan), axis=1)
     expected = law.variance(view.frame.amplitude, view.frame.surroundings_m2)[:, 1:-1] / view.view.captures
     seen = np.isfinite(d2) & (view.frame.amplitude[:, 1:-1] > 0)
-    T = view.rendering.T_cell_camera
-    points = view.frame.points[:, 1:-1][seen] @ T[:3, :3].T + T[:3, 3]
+    points = se3.apply(view.rendering.T_cell_camera, view.frame.points[:, 1:-1][seen])
     index = np.floor(points / (limits.cube_mm * 1e-3)).astype(np.int64) + FAR // 2
     cube, which, count = np.unique(index @ [FAR * FAR, FAR, 1], return_inverse=True, return_counts=True)
     relative = d2[seen] ** 2 / np.maximum(expected[seen], 1e-14)
