@@ -28,6 +28,8 @@ def lost_by_pixels(views: Sequence[ViewEvidence], limits: MissingLimits) -> bool
 
     Loss by light, by a part or by chance goes with what the views see, and they see other things at the same pixel.
     """
+    if len(views) < 2 * LEAST_VIEWS:
+        return False
     even, odd = (_beside_around(views[half::2], limits) for half in (0, 1))
     known = np.isfinite(even) & np.isfinite(odd)
     one, other = even[known], odd[known]
@@ -37,8 +39,7 @@ def lost_by_pixels(views: Sequence[ViewEvidence], limits: MissingLimits) -> bool
 
 def _beside_around(views: Sequence[ViewEvidence], limits: MissingLimits) -> Float:
     """(H, W) share of the views that lose a pixel, less the mean of the pixels around; NaN where few views should see it."""
-    shape = views[0].residual.shape if views else (0, 0)
-    losses = losses_of(views, limits, [np.zeros(shape, bool)] * len(views))
+    losses = losses_of(views, limits, [np.zeros(views[0].residual.shape, bool)] * len(views))
     seen = np.sum(losses.inside, axis=0, dtype=float)
     gone = np.sum([np.where(i, g, 0.0) for i, g in zip(losses.inside, losses.share, strict=True)], axis=0)
     around = uniform_filter(gone, AROUND_PX) / np.maximum(uniform_filter(seen, AROUND_PX), 1e-9)

@@ -29,3 +29,8 @@ def test_loss_towards_the_rim_of_the_image_is_alike_around_each_pixel() -> None:
     row, column = np.mgrid[: SHAPE[0], : SHAPE[1]]
     rim = np.hypot(row / SHAPE[0] - 0.5, column / SHAPE[1] - 0.5) / 0.7
     assert not lost_by_pixels(session(lambda _, rng: rng.random(SHAPE) < 0.5 * rim**2), LIMITS)
+
+
+def test_few_views_do_not_show_it() -> None:
+    steep = np.random.default_rng(2).random(SHAPE) < 0.1
+    assert not lost_by_pixels(session(lambda *_: steep)[:1], LIMITS)
