@@ -29,7 +29,7 @@ settings.register_profile(
 settings.load_profile("toftwin")
 
 
-FIRST = ("benchmarks/gap_check/test_bars.py", "scripts/test_wheel.py", "benchmarks/test_make_model.py", "benchmarks/emerging/")
+FIRST = ("benchmarks/gap_check/test_cases.py", "scripts/test_wheel.py", "benchmarks/test_make_model.py", "benchmarks/emerging/")
 """Files that come first, in this order. In a fresh checkout the first diagnosis compiles all kernels for over a minute; the process beside it
 meanwhile runs what needs no kernels of the diagnosis, and then loads those instead of compiling them, too."""
 
