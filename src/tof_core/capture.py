@@ -29,6 +29,8 @@ class RobotPose:
     """(6,) velocity of the camera in its own axes (m/s, rad/s) at the stamp, from TF; None unknown."""
     cov: Float | None = None
     """(6, 6) covariance of a right perturbation of this camera pose (m, rad); None: the configured deviations of arm poses hold."""
+    uneven: bool = False
+    """Whether the velocity changes within the window of `twist`: the camera starts or stops, or TF errs."""
 
     @property
     def T_cell_camera(self) -> Float:

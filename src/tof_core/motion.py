@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -64,16 +65,29 @@ class MotionConfig:
     turn_deg_s: float = param(1.0, "a camera that turns faster counts as moving", unit="deg/s", low=0.001, high=1000.0)
 
 
+UNEVEN = 0.5
+"""Change of velocity within the window, as a share of the larger one, from which a camera speeds up or slows down, or TF errs."""
+
+
 def camera_velocity(transforms: TransformBuffer, cell: str, camera: str, stamp_ns: int, window_s: float) -> Float | None:
     """(6,) mean velocity of the camera over stamp ± window in its own axes (m/s, rad/s), or None where TF has no data.
 
     Where TF covers only one side of the stamp (live, the later side is still missing), that side counts.
     """
+    return camera_motion(transforms, cell, camera, stamp_ns, window_s)[0]
+
+
+def camera_motion(transforms: TransformBuffer, cell: str, camera: str, stamp_ns: int, window_s: float) -> tuple[Float | None, bool]:
+    """`camera_velocity`, and whether the velocity changes by `UNEVEN` or more between both sides of the stamp; False for one side."""
     half = round(window_s * 1e9)
     ends = [T for s in (stamp_ns - half, stamp_ns, stamp_ns + half) if (T := _pose(transforms, cell, camera, s)) is not None]
     if len(ends) < 2:
-        return None
-    return np.asarray(se3.log(se3.inverse(ends[0]) @ ends[-1]) / (window_s * (len(ends) - 1)))
+        return None, False
+    velocity = np.asarray(se3.log(se3.inverse(ends[0]) @ ends[-1]) / (window_s * (len(ends) - 1)))
+    if len(ends) < 3:
+        return velocity, False
+    before, after = (se3.log(se3.inverse(a) @ b) for a, b in itertools.pairwise(ends))  # A point 1 m away turns as far as it is carried.
+    return velocity, bool(np.linalg.norm(after - before) > UNEVEN * max(np.linalg.norm(before), np.linalg.norm(after)))
 
 
 def _pose(transforms: TransformBuffer, cell: str, camera: str, stamp_ns: int) -> Float | None:

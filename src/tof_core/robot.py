@@ -11,7 +11,7 @@ import numpy as np
 from tof_core import se3
 from tof_core.capture import RobotPose
 from tof_core.errors import TransformError
-from tof_core.motion import MotionConfig, camera_velocity
+from tof_core.motion import MotionConfig, camera_motion
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -50,11 +50,11 @@ class RobotChain:
             TransformError: TF lacks a frame or has a gap; nothing is assumed.
         """
         cell, body = self.resolve(camera_frame)
-        twist = camera_velocity(self.transforms, cell, camera_frame, stamp_ns, MotionConfig().window_s)
+        twist, uneven = camera_motion(self.transforms, cell, camera_frame, stamp_ns, MotionConfig().window_s)
         if not body:
-            return RobotPose(np.eye(4), self.transforms.lookup(cell, camera_frame, stamp_ns), twist)
+            return RobotPose(np.eye(4), self.transforms.lookup(cell, camera_frame, stamp_ns), twist, uneven=uneven)
         T_cell_body, T_body_camera = (self.transforms.lookup(a, b, stamp_ns) for a, b in ((cell, body), (body, camera_frame)))
-        return RobotPose(T_cell_body, T_body_camera, twist)
+        return RobotPose(T_cell_body, T_body_camera, twist, uneven=uneven)
 
     def check(self, camera_frame: str, stamp_ns: int) -> None:
         """Raise what `pose` raises at a stamp, in a fifth of its time."""

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tof_core import se3
-from tof_core.motion import MotionConfig, StationConfig, StationTracker, camera_velocity, is_still
+from tof_core.motion import MotionConfig, StationConfig, StationTracker, camera_motion, camera_velocity, is_still
 from tof_core.tf import TransformBuffer
 
 MS = 1_000_000
@@ -88,6 +88,21 @@ def test_one_stamp_gives_no_velocity() -> None:
     tf = TransformBuffer()
     tf.add("cell", "camera", 0, np.eye(4))
     assert camera_velocity(tf, "cell", "camera", 0, 0.04) is None
+
+
+@pytest.mark.parametrize(("ms", "uneven"), [(400, False), (490, True), (500, True), (510, True), (600, False)])
+def test_a_camera_that_stops_at_500_ms_moves_unevenly_about_then(ms: int, uneven: bool) -> None:  # noqa: FBT001
+    tf = TransformBuffer()
+    for t in range(0, 1001, 20):
+        tf.add("cell", "camera", t * MS, se3.exp([0.2 * min(t, 500) / 1000, 0, 0, 0, 0, 0.0]))
+    assert camera_motion(tf, "cell", "camera", ms * MS, 0.04)[1] is uneven
+
+
+def test_one_pose_of_tf_that_jumps_is_uneven_motion() -> None:
+    tf = TransformBuffer()
+    for t in range(0, 1001, 20):
+        tf.add("cell", "camera", t * MS, se3.exp([0.2 * t / 1000, 0.05 if t == 540 else 0.0, 0, 0, 0, 0]))
+    assert camera_motion(tf, "cell", "camera", 500 * MS, 0.04)[1]
 
 
 def test_without_tf_nothing_counts_as_standing_still() -> None:

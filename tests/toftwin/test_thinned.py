@@ -22,10 +22,10 @@ VIEW = views(np.random.default_rng(1))[0].view
 REST, DRIVE = np.zeros(6), np.array([0.15, 0, 0, 0, 0, 0])
 
 
-def recorded(*twists: np.ndarray) -> Iterator[View]:
-    """A bag with a view of each of these velocities; the stamps count them."""
+def recorded(*twists: np.ndarray, uneven: frozenset[int] = frozenset()) -> Iterator[View]:
+    """A bag with a view of each of these velocities; the stamps count them. In the `uneven` ones the velocity changes."""
     for n, twist in enumerate(twists):
-        yield replace(VIEW, stamp_ns=n, robot=RobotPose(np.eye(4), np.eye(4), twist=twist))
+        yield replace(VIEW, stamp_ns=n, robot=RobotPose(np.eye(4), np.eye(4), twist=twist, uneven=n in uneven))
 
 
 def kept(*twists: np.ndarray, moving: int) -> list[int]:
@@ -58,3 +58,13 @@ def test_the_order_of_the_bag_stays() -> None:
 def test_the_trembling_of_an_arm_at_rest_is_no_motion() -> None:
     trembles = np.array([0.004, 0, 0, 0, 0, np.radians(0.4)])
     assert kept(*[trembles] * 9, moving=2) == list(range(9))
+
+
+def test_views_in_which_the_camera_starts_or_stops_are_left_out() -> None:
+    views = recorded(REST, DRIVE, DRIVE, DRIVE, REST, uneven=frozenset({1}))
+    assert [v.stamp_ns for v in thinned(views, 9)] == [0, 2, 3, 4]
+
+
+def test_where_most_views_are_of_that_kind_they_are_used() -> None:
+    views = recorded(REST, DRIVE, DRIVE, DRIVE, REST, uneven=frozenset({1, 3}))
+    assert [v.stamp_ns for v in thinned(views, 9)] == [0, 1, 2, 3, 4]
