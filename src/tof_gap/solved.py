@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_core.camera import Camera
     from tof_gap.seen.residual import ViewEvidence
+    from tof_scene.raycast import Raycaster
     from tof_sensor.effect import Effect
 
 
@@ -49,7 +50,7 @@ class Split:
 class Solved:
     """Poses and effects of a session at one joint solution.
 
-    camera: as CameraInfo states it; chain: the poses that figures are stated at, without hand-eye and lateness, which are effects;
+    camera: as CameraInfo states it; caster: the scene; chain: the poses that figures are stated at, without hand-eye and lateness, which are effects;
     cameras (V, 4, 4): T_cell_camera with both; camera_covs (V, 6, 6): of the cameras' right perturbations; hand_eye (4, 4): X;
     evidence: the views at `chain`; linearised: the views where the solution was linearised last, without the CAD's surfaces;
     named: the effects; maps: (H, W) metres of z per named effect and view; sizes: metres, RMS over the pixels that each named effect
@@ -66,6 +67,7 @@ class Solved:
     """
 
     camera: Camera
+    caster: Raycaster
     chain: Chain
     cameras: Float
     camera_covs: Float

@@ -40,7 +40,7 @@ def warm_up() -> None:
     evidence = gather(views, renderings, caster, GapConfig().evidence)
     neighbour_amplitude(evidence[0].frame, evidence[0].frame.depth)
     any_lamp = ForeignLampLimits(cells=1, chi2=0.0, share=0.0, common_share=0.0, stands_out=0.0, view_chi2=0.0, view_share=0.0, views=1)
-    foreign_lamp(evidence, any_lamp)
+    foreign_lamp(evidence, caster, any_lamp)
 
 
 def _corner() -> Scene:

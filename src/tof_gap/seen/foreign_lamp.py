@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Mask
     from tof_gap.limits.foreign import ForeignLampLimits, ForeignLightLimits
     from tof_gap.seen.residual import ViewEvidence
+    from tof_scene.raycast import Raycaster
 
 FREQUENCY_STEP_MHZ = 20.0
 FREQUENCIES_MHZ = tuple(FREQUENCY_STEP_MHZ * n for n in range(1, 7))
@@ -30,6 +32,12 @@ CELL_STEP_M, CELL_REACH_M = 0.5, 1.0
 """Spacing of the places tried in the cell, and how far they extend beyond the measured points."""
 HAND_STEP_M, HAND_REACH_M, HAND_LEAST_M = 0.2, 0.6, 0.15
 """The same for places that move with the camera's hand, and their least distance from the lens: the camera's own lamp is nearer."""
+SHADOWED = 0.25
+"""Share of the places in the cell whose shadows are cast: those that explain most without. A true lamp's place is among them."""
+CLEARANCE_M = 2e-3
+"""Distance from its surface at which the way from a point to a lamp starts: the mean of a cell's points may lie below a curved one."""
+REACH = 0.999
+"""Share of the way to a lamp within which a surface casts a shadow."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,33 +76,37 @@ class ForeignLamp:
         return Finding(effect, CONFIDENT, share=np.where(lit, np.abs(fields), 0.0), common=fields, note=self.stated)
 
 
-def foreign_lamp(views: Sequence[ViewEvidence], limits: ForeignLampLimits) -> ForeignLamp | None:
+def foreign_lamp(views: Sequence[ViewEvidence], caster: Raycaster, limits: ForeignLampLimits) -> ForeignLamp | None:
     """The lamp whose fringes explain most chi-square; None where no place explains much more than the others.
 
     At a point at range r from the camera and distance d from the lamp, the lamp's light relative to the camera's own has the strength
     cos(i_lamp) r^2 / (cos(i) d^2) and the phase k (d - r), or k (d + 3 r) if its phase changes from tap to tap; k = 2 pi f / c.
-    Strength and phase of the beat are new in every view (docs/effects.md).
+    Strength and phase of the beat are new in every view (docs/effects.md). Parts of the scene cast shadows in the lamp's light.
 
     Args:
         views: at the solution's poses, less all smooth bias.
+        caster: the scene.
         limits: share of chi-square from which a lamp is believed.
     """
     cells = [cells_of(v, limits) for v in views]
     if chi2_of(cells) <= limits.chi2 * sum(len(c.error) for c in cells if c is not None):
         return None
-    found = _standing_out(cells, limits.share, limits)
-    if found is None or _standing_out(beside_loudest_part(beside_common(cells)), limits.common_share, limits) is None:
+    found = _standing_out(cells, caster, limits.share, limits)
+    if found is None or _standing_out(beside_loudest_part(beside_common(cells)), caster, limits.common_share, limits) is None:
         return None
     hit = found.gains > max(limits.view_chi2, limits.view_share * found.gains.max())
     if hit.sum() < limits.views:
         return None
-    fields = [_field(v, c, found) if h and c is not None else np.zeros(v.residual.shape) for v, c, h in zip(views, cells, hit, strict=True)]
+    fields = [
+        _field(v, c, found, caster) if h and c is not None else np.zeros(v.residual.shape)
+        for v, c, h in zip(views, cells, hit, strict=True)
+    ]
     return ForeignLamp(found.at_m, found.on_hand, found.mhz, found.best / chi2_of(cells), hit, np.stack(fields))
 
 
-def _standing_out(cells: Sequence[Cells | None], share: float, limits: ForeignLampLimits) -> _Search | None:
+def _standing_out(cells: Sequence[Cells | None], caster: Raycaster, share: float, limits: ForeignLampLimits) -> _Search | None:
     """The place whose light explains most; None where that is less than `share` of the chi-square, or hardly more than other places."""
-    in_cell, on_hand = _search(cells, _places_in_cell(cells), on_hand=False), _search(cells, _places_on_hand(), on_hand=True)
+    in_cell, on_hand = _search(cells, _places_in_cell(cells), caster), _search(cells, _places_on_hand(), None)
     found = on_hand if on_hand.best > in_cell.best else in_cell
     return None if found.best < max(share * chi2_of(cells), limits.stands_out * in_cell.median) else found
 
@@ -132,29 +144,58 @@ def _places_on_hand() -> Float:
     return np.asarray(places[np.linalg.norm(places, axis=1) > HAND_LEAST_M])
 
 
-def _search(cells: Sequence[Cells | None], places: Float, *, on_hand: bool) -> _Search:
+def _search(cells: Sequence[Cells | None], places: Float, caster: Raycaster | None) -> _Search:
+    """The best of the places: in the cell, with the shadows that its parts cast; without `caster` on the hand, where own and foreign light see alike.
+
+    Shadows take a ray for each place and cell: those of the places that explain most without any are cast.
+    """
+    on_hand = caster is None
+    plain = _gains(cells, places, None, on_hand=on_hand)
+    total = plain.sum(axis=0)
+    best = np.argsort(total.max(axis=0))[-max(1, round(SHADOWED * len(places))) :]
+    gains, tried = (plain, places) if on_hand else (_gains(cells, places[best], caster, on_hand=False), places[best])
+    frequency, place = np.unravel_index(int(np.argmax(gains.sum(axis=0))), gains.shape[1:])
+    return _Search(tried[place], on_hand, FREQUENCIES_MHZ[int(frequency)], gains[:, frequency, place], float(np.median(total)))
+
+
+def _gains(cells: Sequence[Cells | None], places: Float, caster: Raycaster | None, *, on_hand: bool) -> Float:
+    """(V, frequencies, places) chi-square that a lamp's light explains, with shadows where `caster` is given."""
+
     def of_view(c: Cells | None) -> Float:
         if c is None:
             return np.zeros((len(FREQUENCIES_MHZ), len(places)))
-        k = waves_per_m(FREQUENCY_STEP_MHZ)
+        at, k = c.in_cell(places, on_hand=on_hand), waves_per_m(FREQUENCY_STEP_MHZ)
+        lit = np.ones((len(at), len(c.points)), bool) if caster is None else reached(c.points, c.normals, at, caster)
         each = c.points, c.normals, c.range_m, c.cosine, lag_of(k, c.range_m), c.sigma, c.smooth, c.error
-        return np.asarray(gains_at(c.in_cell(places, on_hand=on_hand), k, len(FREQUENCIES_MHZ), *each))
+        return np.asarray(gains_at(at, k, len(FREQUENCIES_MHZ), *each, lit))
 
-    gains = np.stack(in_threads(of_view, cells))
-    total = gains.sum(axis=0)
-    frequency, place = np.unravel_index(int(np.argmax(total)), total.shape)
-    return _Search(places[place], on_hand, FREQUENCIES_MHZ[int(frequency)], gains[:, frequency, place], float(np.median(total)))
+    return np.stack(in_threads(of_view, cells))
 
 
-def _field(view: ViewEvidence, c: Cells, found: _Search) -> Float:
+def reached(points: Float, normals: Float, places: Float, caster: Raycaster) -> Mask:
+    """(places, n) whether the way from a lamp at each place (places, 3) to points (n, 3) of surfaces is free; all in the cell."""
+    one = np.tile(np.arange(len(points), dtype=np.int32), len(places))
+    other = np.repeat(np.arange(len(places), dtype=np.int32), len(points))
+    starts = np.ascontiguousarray(points + CLEARANCE_M * normals)
+    free = ~caster.blocked_between(starts, np.ascontiguousarray(places, np.float64), one, other, REACH)
+    return np.asarray(free.reshape(len(places), len(points)))
+
+
+def _field(view: ViewEvidence, c: Cells, found: _Search, caster: Raycaster) -> Float:
     """(H, W) metres of z that the lamp's light adds to a view; 0 where the CAD has no surface."""
     at, k = c.in_cell(found.at_m, on_hand=found.on_hand), waves_per_m(found.mhz)
-    waves = waves_from(at, k, c.points, c.normals, c.range_m, c.cosine, lag_of(k, c.range_m))
+    shadows = partial(_lit_from, at, None if found.on_hand else caster)
+    waves = waves_from(at, k, c.points, c.normals, c.range_m, c.cosine, lag_of(k, c.range_m), shadows(c.points, c.normals))
     B = beside(c.smooth, waves.T / c.sigma[:, None])
     strength = np.linalg.solve(ridged(B.T @ B), B.T @ c.error)
     R, t = c.T[:3, :3], c.T[:3, 3]
     points, normals = (np.nan_to_num(a).reshape(-1, 3).astype(np.float64) @ R.T for a in (view.frame.points, view.rendering.normal))
     cosine = np.maximum(np.nan_to_num(np.cos(view.rendering.incidence)).ravel().astype(np.float64), STEEPEST)
     range_m = np.nan_to_num(view.frame.radial).ravel().astype(np.float64)
-    all_waves = waves_from(at, k, points + t, normals, range_m, cosine, lag_of(k, range_m))
+    all_waves = waves_from(at, k, points + t, normals, range_m, cosine, lag_of(k, range_m), shadows(points + t, normals))
     return np.asarray((strength @ all_waves).reshape(view.residual.shape) / view.frame.length)
+
+
+def _lit_from(at: Float, caster: Raycaster | None, points: Float, normals: Float) -> Mask:
+    """(n,) whether a lamp's light from `at` (3,) reaches points (n, 3) of surfaces; all of them without `caster`."""
+    return np.ones(len(points), bool) if caster is None else reached(points, normals, at[None], caster)[0]

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Mask
 
 STRONGEST = 50.0
 """Most of the foreign light over the own, in units of their ratio at equal ways."""
@@ -23,10 +23,15 @@ def lag_of(k: float, range_m: Float) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def waves_from(at: Float, k: float, points: Float, normals: Float, range_m: Float, cosine: Float, lag: Float) -> Float:
-    """(4, n) strength of a lamp's light over the own, as cosine and sine of its phases k (d - r) and k (d + 3 r); lag (2, n): of 4 k r."""
+def waves_from(at: Float, k: float, points: Float, normals: Float, range_m: Float, cosine: Float, lag: Float, lit: Mask) -> Float:
+    """(4, n) strength of a lamp's light over the own, as cosine and sine of its phases k (d - r) and k (d + 3 r), 0 where it is not `lit` (n,).
+
+    lag (2, n): cosine and sine of 4 k r.
+    """
     out = np.zeros((4, len(points)))
     for i in range(len(points)):
+        if not lit[i]:
+            continue
         x, y, z = at[0] - points[i, 0], at[1] - points[i, 1], at[2] - points[i, 2]
         d = max(np.sqrt(x * x + y * y + z * z), 1e-3)
         facing = (normals[i, 0] * x + normals[i, 1] * y + normals[i, 2] * z) / d
@@ -44,9 +49,11 @@ def waves_from(at: Float, k: float, points: Float, normals: Float, range_m: Floa
 @njit(cache=True, nogil=True, fastmath=True)
 def gains_at(
     places: Float, k: float, count: int, points: Float, normals: Float, range_m: Float, cosine: Float, lag: Float, sigma: Float,
-    smooth: Float, error: Float,
+    smooth: Float, error: Float, lit: Mask,
 ) -> Float:  # fmt: skip
     """(count, places) chi-square that the light of a lamp at each place explains in a view, beside its smooth fields, at k, 2 k, ... radians per metre.
+
+    lit (places, n): cells that the light of a lamp reaches.
 
     Phases are taken once: those of a multiple come by the sines and cosines of sums. `error` and the waves less their part in `smooth`
     have the products of the waves alone, less those of their parts.
@@ -55,7 +62,7 @@ def gains_at(
     fields = np.ascontiguousarray(smooth.T)
     part, normal, right = np.empty((4, len(fields))), np.empty((4, 4)), np.empty(4)
     for p in range(len(places)):
-        first = waves_from(places[p], k, points, normals, range_m, cosine, lag)
+        first = waves_from(places[p], k, points, normals, range_m, cosine, lag, lit[p])
         turn, waves = np.empty_like(first), np.empty_like(first)
         for i in range(len(error)):
             ratio = np.sqrt(first[0, i] ** 2 + first[1, i] ** 2)

@@ -77,6 +77,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         bare = less(evidence, [*smooth.values(), *free.values()])
     return Solved(
         camera=views[0].camera,
+        caster=caster,
         chain=final,
         cameras=np.stack([there.pose(v) for v in range(len(evidence))]),
         camera_covs=joint.design.system.camera_covs(joint.selection.fit),

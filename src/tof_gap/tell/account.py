@@ -209,7 +209,7 @@ def _foreign(solved: Solved, lines: Sequence[LineNoise], config: GapConfig, *, a
         found = foreign_light(left, solved.arms, solved.arms_sd, limits, _named_m(solved), of_lines)
     if found is not None and found.posed_m < rough_m(solved):
         found = None
-    lamp = foreign_lamp(left, config.noise.foreign_lamp)
+    lamp = foreign_lamp(left, solved.caster, config.noise.foreign_lamp)
     if lamp is not None:
         found = replace(lamp.finding(left, limits), posed_m=0.0 if found is None else found.posed_m)
     if found is None or repeated(left, found.common, config.noise.repeated, steps2(solved) * (found.posed_m > 0)):

@@ -12,8 +12,11 @@ import pytest
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_core import se3
 from tof_gap.limits.foreign import ForeignLampLimits, ForeignLightLimits
-from tof_gap.seen.foreign_lamp import ForeignLamp, foreign_lamp
+from tof_gap.seen.foreign_lamp import ForeignLamp, foreign_lamp, reached
 from tof_gap.seen.lamp_cells import beside_common, beside_loudest_part, beside_pose, cells_of
+from tof_scene.builtin.shapes import box
+from tof_scene.raycast import Raycaster
+from tof_scene.scene import Part, Scene
 from tof_sensor.frame import LIGHT_M_PER_S
 from tof_sensor.geometry import pose_columns
 
@@ -25,6 +28,16 @@ LIMITS = ForeignLampLimits()
 IN_CELL, ON_HAND = np.array([1.0, -0.8, -0.3]), np.array([0.4, -0.4, 0.4])
 """Metres in the cell, and in the camera's frame."""
 MHZ = 100.0
+
+
+def plate_at(place: Float) -> Raycaster:
+    """A square plate of 40 cm about a place in the cell, perpendicular to the x axis."""
+    corners, faces = box((0.02, 0.4, 0.4))
+    return Raycaster(Scene("cell", (Part("plate", corners + place, faces),)))
+
+
+NOTHING = plate_at(np.array([0.0, 0.0, -50.0]))
+"""A scene that casts no shadow on what the views see."""
 
 
 def poses() -> Float:
@@ -43,8 +56,8 @@ def noisy(errors: Float) -> list[ViewEvidence]:
     ]
 
 
-def lit(strength: Float, *, on_hand: bool = False) -> list[ViewEvidence]:
-    """Views with light of another lamp, strength (V,) metres where own and foreign way are alike, with a phase of its own in each."""
+def lit(strength: Float, *, on_hand: bool = False, caster: Raycaster = NOTHING) -> list[ViewEvidence]:
+    """Views with light of another lamp, strength (V,) metres where own and foreign way are alike, with a phase of its own in each; `caster` casts shadows."""
     T = poses()
     quiet = noisy(np.zeros((VIEWS, *SHAPE)))
     turns = np.random.default_rng(4).uniform(0, 2 * np.pi, VIEWS)
@@ -55,12 +68,14 @@ def lit(strength: Float, *, on_hand: bool = False) -> list[ViewEvidence]:
         d, r = np.linalg.norm(way, axis=-1), seen.frame.radial
         facing = np.maximum(np.einsum("hwi,hwi->hw", way, seen.frame.rendering.normal) / d, 0)
         ratio = facing * r**2 / (d**2 * np.cos(seen.frame.rendering.incidence))
+        points, normals = (a.reshape(-1, 3) @ t[:3, :3].T for a in (seen.frame.points, seen.frame.rendering.normal))
+        ratio = ratio * reached(points + t[:3, 3], normals, IN_CELL[None], caster)[0].reshape(SHAPE)
         errors.append(size * ratio * np.cos(2e6 * np.pi * MHZ / LIGHT_M_PER_S * (d - r) + turn))
     return noisy(np.stack(errors))
 
 
-def found_in(seen: list[ViewEvidence]) -> ForeignLamp:
-    found = foreign_lamp(seen, LIMITS)
+def found_in(seen: list[ViewEvidence], caster: Raycaster = NOTHING) -> ForeignLamp:
+    found = foreign_lamp(seen, caster, LIMITS)
     assert found is not None
     return found
 
@@ -72,6 +87,19 @@ def test_a_lamp_in_the_cell_is_found_where_it_stands() -> None:
     assert "in the cell, within a metre of" in found.stated
     assert found.mhz == MHZ
     assert found.share > 0.6
+
+
+def test_parts_of_the_scene_cast_shadows_in_its_light() -> None:
+    plate = plate_at(IN_CELL + 0.8 * (np.array([0.0, 0.0, 0.9]) - IN_CELL))
+    seen = lit(np.full(VIEWS, 0.01), caster=plate)
+    dark = [v.residual for v in lit(np.full(VIEWS, 0.01))]
+    assert 0.1 < np.mean([np.abs(v.residual - d) > 1e-4 for v, d in zip(seen, dark, strict=True)]) < 0.9, (
+        "the plate shades a part of the views"
+    )
+    found, without = found_in(seen, plate), foreign_lamp(seen, NOTHING, LIMITS)
+    assert np.linalg.norm(found.at_m - IN_CELL) < 1.0
+    assert found.share > 0.6
+    assert without is None or without.share < found.share - 0.1
 
 
 def test_a_lamp_that_rides_on_the_hand_is_told_from_one_in_the_cell() -> None:
@@ -153,11 +181,11 @@ def pose_errors() -> Float:
     ids=["none", "patches", "own light", "own light, albedo", "own light that follows the column, and poses that follow it", "ghost image"],
 )
 def test_errors_that_no_lamp_makes_show_none(errors: Float) -> None:
-    assert foreign_lamp(noisy(errors), LIMITS) is None
+    assert foreign_lamp(noisy(errors), NOTHING, LIMITS) is None
 
 
 def test_two_views_alone_may_be_another_kind_of_scene() -> None:
-    assert foreign_lamp(lit(np.where(np.arange(VIEWS) < LIMITS.views - 1, 0.01, 0.0)), LIMITS) is None
+    assert foreign_lamp(lit(np.where(np.arange(VIEWS) < LIMITS.views - 1, 0.01, 0.0)), NOTHING, LIMITS) is None
 
 
 @pytest.mark.parametrize(

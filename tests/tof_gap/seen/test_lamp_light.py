@@ -25,17 +25,22 @@ def test_the_gain_is_what_least_squares_of_four_waves_explain_beside_the_smooth_
     error = rng.normal(size=CELLS)
     error -= smooth @ (smooth.T @ error)
     places = np.array([[0.1, -0.2, 1.3], [0.0, 0.0, -2.0]])
-    gains = gains_at(places, K, 2, points, normals, range_m, cosine, lag_of(K, range_m), sigma, smooth, error)
+    lit = np.ones((3, CELLS), bool)
+    lit[2, ::3] = False
+    gains = gains_at(
+        np.concatenate([places, places[:1]]), K, 2, points, normals, range_m, cosine, lag_of(K, range_m), sigma, smooth, error, lit
+    )
 
     for n, k in enumerate((K, 2 * K)):
         way = np.linalg.norm(places[0] - points, axis=1)
         ratio = (places[0] - points)[:, 2] / way * range_m**2 / (way**2 * cosine)
         phases = (k * (way - range_m), k * (way + 3 * range_m))
-        B = np.stack([ratio * f(p) for p in phases for f in (np.cos, np.sin)], axis=1) / sigma[:, None]
-        B -= smooth @ (smooth.T @ B)
-        normal = B.T @ B
-        normal += RIDGE * np.trace(normal) / 4 * np.eye(4)
-        assert gains[n, 0] == pytest.approx((B.T @ error) @ np.linalg.solve(normal, B.T @ error), rel=1e-9)
+        for place in (0, 2):
+            B = np.stack([lit[place] * ratio * f(p) for p in phases for f in (np.cos, np.sin)], axis=1) / sigma[:, None]
+            B -= smooth @ (smooth.T @ B)
+            normal = B.T @ B
+            normal += RIDGE * np.trace(normal) / 4 * np.eye(4)
+            assert gains[n, place] == pytest.approx((B.T @ error) @ np.linalg.solve(normal, B.T @ error), rel=1e-9)
     assert (gains[:, 1] == 0).all(), "a lamp behind all surfaces"
 
 

@@ -168,7 +168,14 @@ def detectors(monkeypatch: pytest.MonkeyPatch, **given: Any) -> dict[str, Any]:
 
 def findings_of(*, motion: bool = False, follows: bool = False, left_out: frozenset[str] = frozenset()) -> tuple[Finding, ...]:
     solved: Any = SimpleNamespace(
-        **{**vars(SOLVED), "bare": "bare", "arms": "arms", "arms_sd": "sd", "names": lambda name: motion and name == Motion.NAME}
+        **{
+            **vars(SOLVED),
+            "bare": "bare",
+            "caster": "caster",
+            "arms": "arms",
+            "arms_sd": "sd",
+            "names": lambda name: motion and name == Motion.NAME,
+        }
     )
     config: Any = SimpleNamespace(
         noise=SimpleNamespace(foreign_light=FIELDS, foreign_lamp="lamp", repeated=2.0), missing="missing", report=ReportLimits()
