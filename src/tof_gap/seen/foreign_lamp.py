@@ -152,7 +152,7 @@ def _search(cells: Sequence[Cells | None], places: Float, caster: Raycaster | No
     on_hand = caster is None
     plain = _gains(cells, places, None, on_hand=on_hand)
     total = plain.sum(axis=0)
-    best = np.argsort(total.max(axis=0))[-max(1, round(SHADOWED * len(places))) :]
+    best = np.argsort(total.max(axis=0), kind="stable")[-max(1, round(SHADOWED * len(places))) :]
     gains, tried = (plain, places) if on_hand else (_gains(cells, places[best], caster, on_hand=False), places[best])
     frequency, place = np.unravel_index(int(np.argmax(gains.sum(axis=0))), gains.shape[1:])
     return _Search(tried[place], on_hand, FREQUENCIES_MHZ[int(frequency)], gains[:, frequency, place], float(np.median(total)))

@@ -59,8 +59,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     final = replace(delayed(after, joint.views, -late_s), hand_eye=_mount(joint, rest, config.calibration))
     lens = None if any(n.name == Intrinsics.NAME for n in rest) else lens_of(joint)
     there = delayed(replace(final, hand_eye=joint.hand_eye), joint.views, late_s)
-    # Mixed pixels need exact poses and footprints.
-    evidence = observe(views, caster, final, config, concavity=True, lens=lens)
+    evidence = observe(views, caster, final, config, concavity=True, lens=lens)  # Mixed pixels need exact poses and footprints.
     maps, free = shares(rest, evidence, final, caster, other_m), free_shares(joint, evidence)
     sizes = sizes_m(maps | free, evidence, split.held_out)
     small = _small(sizes, maps, config.select)
