@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 MATTERS = 0.15
 """Share of the gap above which each effect of three must be named."""
 PLAIN = frozenset({"none", "unknown"})
-WRAPPED, MIXED = "phase_wrap", "flying_pixels"
+WRAPPED, MIXED, LATE = "phase_wrap", "flying_pixels", "time_sync"
 MAPS_ALIKE_ELSEWHERE = frozenset({"emitter_offset"})
 MOTIONS = frozenset({"hand_eye", "intrinsics"})
 """Effects that move the camera or turn its rays: after the freedom of arms only the second order of their maps would be left."""
@@ -106,7 +106,9 @@ def score_one(sealed: Path, bag: Path, out: Path) -> ForeignRow:
     miss = judge(case, verdict, wrong)
     maps, truth = np.load(out / "gap_maps.npz"), Truth(sealed, bag)
     place, likeness = (None, None) if case["left_out"] else _maps(effects, maps, truth)
-    stated, true, covered = _shrink(report, maps, truth, {n for v in verdict for n in v.split("|")} & set(effects))
+    found = {n for v in verdict for n in v.split("|")} & set(effects)
+    # Late stamps are no error of depth, so nothing is rendered with and without them.
+    stated, true, covered = (None, None, None) if LATE in effects else _shrink(report, maps, truth, found)
     return row(
         verdict,
         hit=not miss,
@@ -217,7 +219,7 @@ def _measured(truth: Truth) -> Float:
 
 def _label(truth: Truth, maps: Any, effects: tuple[str, ...]) -> float | None:
     """Label error in mm at the diagnosis's poses; nothing where a range offset or late stamps hide the pose."""
-    if {"range_offset", "time_sync"} & set(effects) or len(maps["T_cell_camera"]) != len(truth.arrays["T_cell_camera"]):
+    if {"range_offset", LATE} & set(effects) or len(maps["T_cell_camera"]) != len(truth.arrays["T_cell_camera"]):
         return None
     poses_found: Float = maps["T_cell_camera"]
     return label_error(truth, poses_found)
