@@ -43,10 +43,10 @@ class FilterLimits:
         why="by light, of dark parts or at random: 0.02 at most; steps of columns that a filter takes for edges: 0.65",
     )
     line_loss: float = param(
-        1.0,
+        0.5,
         "standard deviation of the shares that the lines of a view lose, over their mean, from which loss follows lines",
         low=0.0,
-        why="lost at random: 0; where rows have noise of their own: 1.4 and 3.0",
+        why="lost at random: 0; where rows have noise of their own: 0.9 to 3.0",
     )
     line_near: float = param(
         0.5,
