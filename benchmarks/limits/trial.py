@@ -26,6 +26,7 @@ from tof_gap.solve.solution import Joint
 from tof_gap.solve.start import Start
 from tof_gap.solve.stray import solve_agreeing
 from tof_scene.render import render
+from tof_sensor.stated import StatedNoise
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -127,7 +128,7 @@ class Trials:
             self.stage[0] = POSES
             try:
                 s = self.session
-                d = diagnosis.diagnose(s.views, s.caster, config, AlignConfig(), s.left_out, law=s.law)
+                d = diagnosis.diagnose(s.views, s.caster, config, AlignConfig(), s.left_out, stated=StatedNoise(s.law))
             except ToftwinError as error:
                 return {"verdict": [f"refused: {error}"], "figures": []}
         return {"verdict": list(d.verdict), "figures": [d.gap.shrink, *(d.gap.ci95 or (None, None)), d.explainable]}

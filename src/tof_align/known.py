@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
@@ -13,6 +14,7 @@ from tof_align.pixels import sample
 from tof_align.session import near, solve_session
 from tof_align.single import align_view
 from tof_core.cores import in_threads
+from tof_core.errors import RefusedError
 from tof_scene.render import render
 
 if TYPE_CHECKING:
@@ -50,13 +52,15 @@ def through_known(posed: Sequence[Posed], views: Sequence[View], bias: Bias) -> 
 def known_removed(views: Sequence[View], caster: Raycaster, bias: Bias, align: AlignConfig) -> list[View]:
     """The views of a session less the bias, computed at the poses of the corrected views.
 
-    The bias is removed and not fitted, since poses would absorb a share of it.
+    The bias is removed and not fitted, since poses would absorb a share of it. Where the corrected views fit the scene nowhere, as behind
+    a large foreign object, the first poses are used: whoever solves the session next judges it.
     """
     samples = [sample(v, align.weights) for v in views]
     chain = near(samples, chain_of(samples, align.priors), caster, align)
     less = removed_at(views, [chain.pose(v) for v in range(len(views))], caster, bias)
-    for _ in range(ROUNDS):
-        less = removed_at(views, [p.T_cell_camera for p in solve_session(less, caster, align).posed], caster, bias)
+    with suppress(RefusedError):
+        for _ in range(ROUNDS):
+            less = removed_at(views, [p.T_cell_camera for p in solve_session(less, caster, align).posed], caster, bias)
     return less
 
 

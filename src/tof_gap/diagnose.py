@@ -33,6 +33,7 @@ from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.radial_depth import RadialDepth
 from tof_sensor.registry import VOCABULARY
+from tof_sensor.stated import NOTHING_STATED
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from tof_gap.tell.unexplained import Unexplained
     from tof_scene.raycast import Raycaster
     from tof_sensor.effects.photon_law import PhotonLaw
+    from tof_sensor.stated import StatedNoise
 
 
 def diagnose(
@@ -60,7 +62,7 @@ def diagnose(
     progress: Callable[[str], None] = lambda _: None,
     *,
     untestable: Mapping[str, str] = MappingProxyType({}),
-    law: PhotonLaw | None = None,
+    stated: StatedNoise = NOTHING_STATED,
     given: Sequence[Finding] = (),
 ) -> Diagnosis:
     """Diagnose a session.
@@ -73,7 +75,7 @@ def diagnose(
         left_out: effects not to be considered (a test of `unknown`).
         progress: called with the name of each step.
         untestable: effects that this kind of session cannot have, each with the reason; none of them is considered.
-        law: the camera's photon law, where it is known; else the law is fitted to the session.
+        stated: the camera's photon law and loss of pixels, where they are known; else a law is fitted to the session.
         given: findings that the views are corrected for already, such as a lens that the corners of a board contradict.
 
     Raises:
@@ -90,7 +92,7 @@ def diagnose(
     joint, config, views, stray = solve_agreeing(begun, caster, config, frozenset(VOCABULARY) if few else left_out)
     split = dealt(joint.chain, config.solve)
     progress("noise, loss and edges; the gap on held-out views")
-    read = partial(account, config=config, rng=rng, along_ray=along_ray, given=given, alone=few, left_out=left_out, law=law)
+    read = partial(account, config=config, rng=rng, along_ray=along_ray, given=given, alone=few, left_out=left_out, stated=stated)
     found, resembled = believed(joint, lambda chosen: read(conclude(chosen, views, caster, config, split, rng)), config)
     del joint, begun
     give_back()
@@ -101,7 +103,7 @@ def diagnose(
         without_causes(found) if doubted(unexplained, config.report) else found,
         explainable(found.solved.evidence, found.figures.left(), split, found.gap, config.report.explainable),
         unexplained,
-        too_few(len(views)) if few else untested(found, config, law) | dict(untestable),
+        too_few(len(views)) if few else untested(found, config, stated.law) | dict(untestable),
         law_beside(found, config),
         config,
         described(world, caster.scene),

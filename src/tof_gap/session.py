@@ -14,6 +14,7 @@ from tof_gap.diagnose import diagnose
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.known import KnownBias
 from tof_sensor.origin import check_camera, differences
+from tof_sensor.stated import NOTHING_STATED
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -39,7 +40,9 @@ def diagnose_session(
     untestable: Mapping[str, str] = MappingProxyType({}),
     given: Sequence[Finding] = (),
 ) -> Diagnosis:
-    """Remove the bias of the effects in `known`, diagnose the rest; noise is compared with their photon law. Arguments as of `diagnose`.
+    """Remove the bias of the effects in `known` that hold in this scene, diagnose the rest; noise and loss are compared with theirs.
+
+    Arguments as of `diagnose`.
 
     CameraInfo may state another lens than when `known` was fitted: one of them is wrong, which is what a diagnosis finds out.
     """
@@ -47,12 +50,15 @@ def diagnose_session(
         check_camera(known.camera, views[0].camera, any_lens=True)
         if differs := differences(known.camera, views[0].camera):
             progress(f"sensor.yaml was fitted with another lens in camera_info ({', '.join(differs)}): one of them is wrong")
-        known = replace(known, camera=None)
+        here = replace(known.holding_in(caster.scene.digest), camera=None)
+        if elsewhere := sorted(set(known.names) - set(here.names)):
+            progress(f"sensor.yaml is of another scene: effects of its parts are not removed here ({', '.join(elsewhere)})")
+        known = here
     if known is not None and known.names != (PhotonLaw.NAME,):  # the law of the noise has no bias
         progress("removing known effects")
         views = known_removed(views, caster, KnownBias(known), align)
     beside = caster.scene.folder / CALIBRATION_FILE
     if config.calibration == Calibration() and beside.exists():
         config = replace(config, calibration=load_calibration(beside))
-    law = None if known is None else known.law
-    return diagnose(views, caster, config, align, left_out, progress, untestable=untestable, law=law, given=given)
+    stated = NOTHING_STATED if known is None else known.stated
+    return diagnose(views, caster, config, align, left_out, progress, untestable=untestable, stated=stated, given=given)

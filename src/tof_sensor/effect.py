@@ -231,6 +231,11 @@ class Effect(ABC):
         """The effect without offsets of single pixels."""
         return self
 
+    def includes(self, other: Effect) -> bool:
+        """Whether a camera that is known to have this effect is expected to have `other`, found in another session. Bias is removed instead."""
+        del other
+        return False
+
     # noise --------------------------------------------------------------------------------------
     @property
     def constant_variance(self) -> float:

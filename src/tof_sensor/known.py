@@ -47,8 +47,9 @@ class KnownBias:
         """
         for camera in {v.camera for v in views}:
             check_camera(self.model.camera, camera)
-        scene = caster if any(e.needs_scene for e in self.model.effects) else None  # Only these use the scene and its albedo.
-        return in_threads(self.model.bias, ideal_frames(views, renderings, scene, start_ns))
+        model = self.model.holding_in(caster.scene.digest)
+        scene = caster if any(e.needs_scene for e in model.effects) else None  # Only these use the scene and its albedo.
+        return in_threads(model.bias, ideal_frames(views, renderings, scene, start_ns))
 
     def camera(self, stated: Camera) -> Camera:
         """The true camera, if CameraInfo states `stated`."""

@@ -17,6 +17,7 @@ from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.frame import Context, ideal_frame
 from tof_sensor.origin import camera_from, promise_from, to_blocks
 from tof_sensor.registry import PHYSICAL_ORDER, effect_class
+from tof_sensor.stated import StatedNoise
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -38,13 +39,15 @@ class SensorModel:
     """Effects, sorted into physical order. Several of one kind are allowed (one per part).
 
     gain: amplitude of albedo 1 seen head-on from 1 m, in the camera's unit, None without amplitude; camera: the camera that the model was
-    fitted to, None for any; promise: shrink of the gap stated by the fit, None without a fit.
+    fitted to, None for any; promise: shrink of the gap stated by the fit, None without a fit; scene: digest of the scene that it was
+    fitted in, empty for any.
     """
 
     effects: tuple[Effect, ...] = ()
     gain: float | None = None
     camera: Camera | None = None
     promise: Promise | None = None
+    scene: str = ""
 
     def __post_init__(self) -> None:
         """Sort the effects."""
@@ -61,6 +64,12 @@ class SensorModel:
         """(H, W) sum of the biases in metres of z, to first order."""
         return np.asarray(sum((e.bias(frame) for e in self.effects), np.zeros(frame.depth.shape)))
 
+    def holding_in(self, scene: str) -> SensorModel:
+        """The model in the scene of this digest: without effects of parts and their light, if it was fitted in another scene."""
+        if not self.scene or self.scene == scene:
+            return self
+        return replace(self, effects=tuple(e for e in self.effects if not e.needs_scene))
+
     def without(self, name: str) -> SensorModel:
         """The model without the effects of that name."""
         return replace(self, effects=tuple(e for e in self.effects if name != e.NAME))
@@ -70,6 +79,11 @@ class SensorModel:
         """The photon law with the noise that the other effects add to every capture; None without a law."""
         laws = [e for e in self.effects if isinstance(e, PhotonLaw)]
         return reduce(lambda law, effect: effect.added_to(law), self.effects, laws[0]) if laws else None
+
+    @property
+    def stated(self) -> StatedNoise:
+        """The noise and the loss of pixels with which those of another session are compared."""
+        return StatedNoise(self.law, self.effects)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -93,7 +107,7 @@ def save_model(model: SensorModel, path: Path) -> None:
     """Write `sensor.yaml`: schema; unit of amplitude, camera and promise if known; then one block per effect."""
     blocks = [block_of(e) for e in model.effects]
     gain = {} if model.gain is None else {"gain": float(model.gain)}
-    origin = to_blocks(model.camera, model.promise)
+    origin = to_blocks(model.camera, model.promise) | ({"scene": model.scene} if model.scene else {})
     head = FREQUENCY if any("modulation_mhz" in b for b in blocks) else ""
     body = {"schema": SCHEMA, **gain, **origin, "effects": blocks}
     path.write_text(head + yaml.safe_dump(body, sort_keys=False, default_flow_style=None))
@@ -106,13 +120,15 @@ def load_model(path: Path) -> SensorModel:
         msg = f"is no sensor model (schema must be {SCHEMA})"
         raise ConfigError(msg, where=path)
     blocks = data.get("effects")
-    if set(data) - {"gain", "camera", "promise"} != {"schema", "effects"} or not isinstance(blocks, list):
-        msg = "must hold the keys schema and effects, and may hold gain, camera and promise, nothing else"
+    if set(data) - {"gain", "camera", "promise", "scene"} != {"schema", "effects"} or not isinstance(blocks, list):
+        msg = "must hold the keys schema and effects, and may hold gain, camera, promise and scene, nothing else"
         raise ConfigError(msg, where=path)
     effects = tuple(effect_of(b, f"{path}: effects[{i}]") for i, b in enumerate(blocks))
-    return SensorModel(
-        effects, _gain(data.get("gain"), path), camera_from(data.get("camera"), path), promise_from(data.get("promise"), path)
-    )
+    gain, scene = _gain(data.get("gain"), path), data.get("scene", "")
+    if not isinstance(scene, str):
+        msg = "scene must be the digest of a scene"
+        raise ConfigError(msg, where=path)
+    return SensorModel(effects, gain, camera_from(data.get("camera"), path), promise_from(data.get("promise"), path), scene)
 
 
 def _gain(value: Any, path: Path) -> float | None:

@@ -32,6 +32,10 @@ LEVELS = (Ambient, Dropout, FlyingPixels, PhaseWrap, Quantization)
 LAW = PhotonLaw(floor_m=0.0, shot_m=0.004, reference=2000.0)
 
 
+SCENE = SimpleNamespace(scene=SimpleNamespace(digest=""))
+"""Of no scene: every effect of a sensor model holds in it."""
+
+
 def diagnosis(
     evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonLaw = LAW, ties: tuple[str, ...] = (), std: float = 0.0
 ) -> Diagnosis:
@@ -59,13 +63,22 @@ def diagnosis(
     causes = [
         SimpleNamespace(named=SimpleNamespace(name=e.NAME, effects=(e,), ties=ties, std=(dict.fromkeys(e.LINEAR, std),))) for e in biases
     ]
-    findings = [SimpleNamespace(effect=e, name=e.NAME, corrects=False, common=None) for e in effects if isinstance(e, LEVELS)]
+    findings = [
+        SimpleNamespace(effect=e, name=e.NAME, corrects=False, common=None, expected=False) for e in effects if isinstance(e, LEVELS)
+    ]
     gap = SimpleNamespace(shrink=None, ci95=None)
     shown = tuple(replace(v, residual=v.residual + sum((m[i] for m in maps.values()), np.zeros(SHAPE))) for i, v in enumerate(evidence))
     account = SimpleNamespace(
         figures=figures,
         solved=SimpleNamespace(
-            chain=chain(), maps=maps, evidence=shown, bare=evidence, within=(), depends_on=(), arms=np.zeros((VIEWS, 6))
+            caster=SCENE,
+            chain=chain(),
+            maps=maps,
+            evidence=shown,
+            bare=evidence,
+            within=(),
+            depends_on=(),
+            arms=np.zeros((VIEWS, 6)),
         ),
     )
     made = {

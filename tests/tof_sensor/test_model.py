@@ -12,6 +12,11 @@ from tests.tof_sensor.plane import plane_frame
 from tests.vocabulary import EFFECT_NAMES
 from tof_core.errors import ConfigError
 from tof_sensor.effects.ambient import Ambient
+from tof_sensor.effects.cad_deviation import CadDeviation
+from tof_sensor.effects.dropout import Dropout
+from tof_sensor.effects.interference import Interference
+from tof_sensor.effects.multipath import Multipath
+from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.effects.quantization import Quantization
 from tof_sensor.effects.wiggling import Wiggling
@@ -20,6 +25,8 @@ from tof_sensor.registry import EFFECTS, PHYSICAL_ORDER, VOCABULARY
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from tof_sensor.effect import Effect
 
 
 def test_every_effect_is_explained_and_every_explained_effect_is_there() -> None:
@@ -84,3 +91,37 @@ def test_simulation_is_the_sum_of_its_biases_and_repeats_with_its_seed() -> None
     model = SensorModel((Wiggling(sine_m=0.003),))
     one = simulate(frame.rendering, model, np.random.default_rng(1))
     np.testing.assert_allclose(one.depth, frame.depth + model.bias(frame), atol=1e-9)
+
+
+def test_effects_of_parts_and_their_light_hold_in_their_own_scene_alone(tmp_path: Path) -> None:
+    wave, law = Wiggling(sine_m=1e-3), PhotonLaw()
+    model = SensorModel((Multipath(strength=0.6), CadDeviation(part=2), wave, law), scene="a1")
+    save_model(model, tmp_path / "sensor.yaml")
+    again = load_model(tmp_path / "sensor.yaml")
+    assert again.scene == "a1"
+    assert again.holding_in("a1") == again
+    assert set(again.holding_in("b2").effects) == {wave, law}
+    anywhere = SensorModel(model.effects)
+    assert anywhere.holding_in("b2") == anywhere, "a file without a scene holds everywhere"
+
+
+@pytest.mark.parametrize(
+    ("known", "found", "included"),
+    [
+        (Dropout(threshold=60.0), Dropout(threshold=80.0), True),
+        (Dropout(threshold=60.0), Dropout(threshold=100.0), False),
+        (Dropout(threshold=60.0), Dropout(threshold=60.0, random=0.05), False),
+        (Dropout(random=0.10), Dropout(random=0.105), True),
+        (Noise(extra_m=0.004, duty=0.25), Noise(extra_m=0.0045, duty=0.4), True),
+        (Noise(extra_m=0.004, duty=0.25), Noise(extra_m=0.008, duty=0.25), False),
+        (Noise(extra_m=0.004, duty=0.25), Noise(extra_m=0.004), False),
+        (Interference(burst_m=0.004), Interference(burst_m=0.0045), True),
+        (Interference(burst_m=0.004), Interference(burst_m=0.006), False),
+        (Quantization(step_m=0.004), Quantization(step_m=0.00401), True),
+        (Quantization(step_m=0.004), Quantization(step_m=0.008), False),
+        (Interference(burst_m=0.004), Noise(extra_m=0.001, duty=0.25), False),
+        (Wiggling(sine_m=1e-3), Wiggling(sine_m=1e-3), False),
+    ],
+)
+def test_noise_and_loss_of_a_known_camera_are_expected_up_to_their_size(known: Effect, found: Effect, *, included: bool) -> None:
+    assert SensorModel((known,)).stated.includes(found) is included

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -16,13 +17,16 @@ from tof_gap.seen.session import amplitude_unit
 from tof_gap.seen.shadow import shadowed
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.frame import lambert_amplitude
+from tof_sensor.stated import NOTHING_STATED
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from tof_core.arrays import Float, Mask
     from tof_gap.limits.missing import MissingLimits
     from tof_gap.seen.residual import ViewEvidence
+    from tof_sensor.effects.photon_law import PhotonLaw
+    from tof_sensor.stated import StatedNoise
 
 NEIGHBOURS = np.ones((3, 3), bool)
 """A filter removes an outlier with its neighbours."""
@@ -104,15 +108,22 @@ def losses_of(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Se
     return Losses(inside, [lost(v, limits, too_bright) for v in views], too_bright)
 
 
-def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, losses: Losses) -> Finding | None:
+def dropout(
+    views: Sequence[ViewEvidence],
+    limits: MissingLimits,
+    losses: Losses,
+    stated: StatedNoise = NOTHING_STATED,
+    law: Callable[[], PhotonLaw | None] = lambda: None,
+) -> Finding | None:
     """`dropout` where more than `lost_share` of all pixels is lost, or `lost_on_part` of one part in two views and more: below a threshold of amplitude, and at random.
 
-    A lost pixel has no reliable amplitude; that of the CAD is used, in the unit of the camera's amplitude image.
+    A lost pixel has no reliable amplitude; that of the CAD is used, in the unit of the camera's amplitude image. The loss is expected
+    where `stated` includes it, or where light is so weak by the photon law (called if needed) that any camera drops it.
     """
     inside, gone = losses.inside, losses.gone
     part = np.concatenate([v.rendering.part[i] for v, i in zip(views, inside, strict=True)])
-    known = amplitude_unit(views)
-    unit = 1.0 if known is None else known
+    of_image = amplitude_unit(views)
+    unit = 1.0 if of_image is None else of_image
     light = np.concatenate([unit * lambert_amplitude(v.rendering)[i] for v, i in zip(views, inside, strict=True)])
     seen = np.concatenate([_amplitude(v)[i] for v, i in zip(views, inside, strict=True)])
     if gone.mean() < limits.lost_share:
@@ -129,9 +140,20 @@ def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, losses: Losses
     half = _lost_below(light, gone, limits.half_lost, limits)
     threshold, steepness = curve(light, gone) if loss.goes_with is GoesWith.LIGHT else (half, Dropout().steepness)
     effect = Dropout(threshold, steepness, min(random, 1.0))
-    note = _of_median(effect.threshold, light, known=known is not None)
+    note = _of_median(effect.threshold, light, known=of_image is not None)
     rare = half == 0.0 and random < limits.lost_share
-    return Finding(effect, LOSS_CONFIDENT, share=share, note=note, size=loss.size, remedy=loss.remedy, parts=loss.parts, rare=rare)
+    known = loss.goes_with in (GoesWith.LIGHT, GoesWith.NOTHING) and stated.includes(effect)
+    expected = known or (loss.goes_with is GoesWith.LIGHT and random < limits.lost_share and _too_weak(views, effect, law(), limits))
+    found = Finding(effect, LOSS_CONFIDENT, share=share, note=note, size=loss.size, remedy=loss.remedy, parts=loss.parts, rare=rare)
+    return replace(found, expected=expected)
+
+
+def _too_weak(views: Sequence[ViewEvidence], loss: Dropout, law: PhotonLaw | None, limits: MissingLimits) -> bool:
+    """Whether depth at the threshold amplitude is too noisy for any use: a camera drops such pixels by design."""
+    if law is None or loss.threshold == 0.0:
+        return False
+    around2 = np.median(np.concatenate([v.frame.surroundings_m2[v.smooth] for v in views]))
+    return bool(law.variance(np.array(loss.threshold), np.asarray(around2)) > (limits.by_design_mm * 1e-3) ** 2)
 
 
 def least_light(views: Sequence[ViewEvidence], limits: MissingLimits, losses: Losses) -> float:

@@ -12,6 +12,7 @@ from tof_gap.seen.wrapped import phase_wrap
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.phase_wrap import PhaseWrap
+from tof_sensor.stated import NOTHING_STATED
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -20,16 +21,27 @@ if TYPE_CHECKING:
     from tof_gap.limits.missing import MissingLimits
     from tof_gap.seen.finding import Finding
     from tof_gap.seen.residual import ViewEvidence
+    from tof_sensor.effects.photon_law import PhotonLaw
+    from tof_sensor.stated import StatedNoise
 
 
 def missing_effects(
-    views: Sequence[ViewEvidence], limits: MissingLimits, left_out: AbstractSet[str] = frozenset(), *, blurred: bool = False
+    views: Sequence[ViewEvidence],
+    limits: MissingLimits,
+    left_out: AbstractSet[str] = frozenset(),
+    *,
+    blurred: bool = False,
+    stated: StatedNoise = NOTHING_STATED,
+    law: Callable[[], PhotonLaw | None] = lambda: None,
 ) -> list[Finding]:
-    """`dropout`, `phase_wrap` and `flying_pixels` where pixels show them, unless left out; `blurred`: whether motion mixes edges."""
+    """`dropout`, `phase_wrap` and `flying_pixels` where pixels show them, unless left out.
+
+    blurred: whether motion mixes edges; stated: what the camera is known to do; law: gives its photon law.
+    """
     holes = filtered(views, limits)
     losses = losses_of(views, limits, holes)
     detectors: dict[str, Callable[[], Finding | None]] = {
-        Dropout.NAME: lambda: dropout(views, limits, losses),
+        Dropout.NAME: lambda: dropout(views, limits, losses, stated, law),
         PhaseWrap.NAME: lambda: phase_wrap(views, limits) or failed_unwrapping(views, holes, limits),
         FlyingPixels.NAME: lambda: flying_pixels(views, limits, least_light(views, limits, losses)),
     }

@@ -15,6 +15,7 @@ from tof_gap.seen.foreign_lamp import foreign_lamp
 from tof_gap.seen.foreign_light import ALONG, along_the_view, drifts_by_chance, foreign_light
 from tof_gap.seen.lost_by_line import lost_by_lines
 from tof_gap.seen.lost_by_pixel import lost_by_pixels
+from tof_gap.seen.photons import own_law
 from tof_gap.seen.repeated import repeated
 from tof_gap.tell.figures import figures
 from tof_sensor.effect import Evidence
@@ -31,6 +32,7 @@ from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.temperature_drift import TemperatureDrift
 from tof_sensor.effects.time_sync import TimeSync
 from tof_sensor.geometry import pose_columns
+from tof_sensor.stated import NOTHING_STATED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,7 +46,7 @@ if TYPE_CHECKING:
     from tof_gap.solved import Named, Solved
     from tof_gap.tell.figures import Figures
     from tof_gap.tell.shrink import Shrink
-    from tof_sensor.effects.photon_law import PhotonLaw
+    from tof_sensor.stated import StatedNoise
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +88,7 @@ class Account:
         """Names for the verdict: causes and findings; without `causes`, only the findings that were not read off structure."""
         return {
             *(c.named.verdict for c in self.causes if causes and not c.named.suspected),
-            *(f.name for f in self.findings if causes or not f.structure),
+            *(f.name for f in self.findings if not f.expected and (causes or not f.structure)),
         }
 
     @property
@@ -108,7 +110,7 @@ def account(
     given: Sequence[Finding] = (),
     alone: bool = False,
     left_out: AbstractSet[str] = frozenset(),
-    law: PhotonLaw | None = None,
+    stated: StatedNoise = NOTHING_STATED,
 ) -> Account:
     """Figures and findings of one solution.
 
@@ -120,7 +122,7 @@ def account(
         given: what was found before depth was fitted. The views are corrected for this and for `along_ray`; the residual contains both.
         alone: only `along_ray` and `given` may be named (too few views).
         left_out: effects that may not be named.
-        law: the camera's photon law, where it is known.
+        stated: the camera's photon law and loss of pixels, where they are known.
     """
     give_back()
     gated = tuple(given) if along_ray is None else (*given, along_ray)
@@ -129,7 +131,7 @@ def account(
     on_time = arms_tell and not solved.names(TimeSync.NAME)
     follows, sags = _arm_signs(solved, config.noise.foreign_light) if on_time else (False, False)
     astray = on_time and over_prior(solved.arms, solved.arms_sd) > config.report.unexplained.arm_rms
-    findings = gated if alone else (*gated, *_findings(solved, config, law, left_out, follows=follows))
+    findings = gated if alone else (*gated, *_findings(solved, config, stated, left_out, follows=follows))
     counted = figures(solved, findings, rng, config.report)
     for share in (f.share for f in gated if f.share is not None):
         counted = replace(counted, residual=[r + added for r, added in zip(counted.residual, share, strict=True)])
@@ -166,35 +168,37 @@ def without_causes(found: Account) -> Account:
 def _gap(counted: Figures, findings: Sequence[Finding], names: Sequence[str]) -> Shrink:
     """The gap before and after these effects. No shrink where only noise and loss were found: there is no bias to remove."""
     gap = counted.shrink(names)
-    return replace(gap, shrink=None, ci95=None) if findings and not names else gap
+    return replace(gap, shrink=None, ci95=None) if any(not f.expected for f in findings) and not names else gap
 
 
-def _findings(
-    solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out: AbstractSet[str], *, follows: bool
-) -> tuple[Finding, ...]:
+def _findings(solved: Solved, config: GapConfig, stated: StatedNoise, left_out: AbstractSet[str], *, follows: bool) -> tuple[Finding, ...]:
     """What noise, loss and edges show at the estimated poses, once smooth bias is removed; detectors of `left_out` do not run.
 
-    Pixels that a filter in the camera removed are no `dropout`, nor are those of noisy lines. Arm errors that follow the views (`follows`)
-    are no foreign light.
+    What `stated` includes is expected. Pixels that a filter in the camera removed are no `dropout`, nor are those of noisy lines. Arm
+    errors that follow the views (`follows`) are no foreign light.
     """
     left = solved.bare
-    gone = missing.missing_effects(left, config.missing, left_out, blurred=solved.names(Motion.NAME))
+    blurred = solved.names(Motion.NAME)
+    gone = missing.missing_effects(
+        left, config.missing, left_out, blurred=blurred, stated=stated, law=lambda: stated.law or own_law(left, (), config.noise)
+    )
     unmerged = any(map(_fails_to_merge, gone))
     # The noise of wrongly merged frequencies grows in weak light, as that of foreign light does.
     lines = [] if Noise.NAME in left_out else noise.lines_found(left, config.noise)
     own = noise.beside_lines(noise.without_noisy_pixels(left, config.noise), lines)
-    light = [] if unmerged else detected.detected_effects(own, config.noise, law, left_out)
+    light = [] if unmerged else detected.detected_effects(own, config.noise, stated.law, left_out)
     beside = detected.explained(left, light)
     arms_tell = not (_arms_silent(solved, left_out) or follows)
     foreign = None if Interference.NAME in left_out else _foreign(solved, lines, config, arms_tell=arms_tell)
     taken = left_out if foreign is None else left_out | {Interference.NAME}
     of_maps_m = config.noise.foreign_light.field_share * _named_m(solved)
     patchy = unmerged or any(isinstance(f.effect, Ambient) and f.structure for f in light)
-    found = noise.noise_effects(beside, config.noise, taken, law, patchy=patchy, piled_up=_piled_up(solved), of_maps_m=of_maps_m)
+    found = noise.noise_effects(beside, config.noise, taken, stated.law, patchy=patchy, piled_up=_piled_up(solved), of_maps_m=of_maps_m)
     uneven = [*([] if foreign is None else [foreign]), *found]
     lossy = any(f.name == Dropout.NAME for f in gone)
     by_filter = lossy and (lost_by_lines(left, lines, config.missing) or lost_by_pixels(left, config.missing))
     kept = (f for f in gone if not (filtered(f, [*light, *uneven, *gone]) or (by_filter and f.name == Dropout.NAME)))
+    uneven = [replace(f, expected=True) if stated.includes(f.effect) else f for f in uneven]
     return (*(f for f in light if not of_own_light(f, solved)), *uneven, *kept)
 
 

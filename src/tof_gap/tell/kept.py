@@ -6,9 +6,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from tof_gap.tell.shrink import blocks, measure
 from tof_gap.tell.words import interval, percent
+from tof_sensor.effect import Evidence
 from tof_sensor.effects.photon_law import PhotonLaw
+from tof_sensor.registry import EFFECTS
 
 if TYPE_CHECKING:
     from tof_gap.tell.diagnosis import Diagnosis
@@ -19,10 +23,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """promised: shrink stated in the model's file, None without one; here: the gap of this session without and with the model."""
+    """promised: shrink stated in the model's file, None without one; here: the gap of this session without and with the model.
+
+    removed: names of its effects that have a bias here; removed_mm: RMS of that bias over the smooth pixels of held-out views.
+    """
 
     promised: Promise | None
     here: Shrink
+    removed: tuple[str, ...]
+    removed_mm: float
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for `gap.json`."""
@@ -30,16 +39,21 @@ class Kept:
         return {
             "promised": None if p is None else {"shrink": p.shrink, "ci95": [p.low, p.high]},
             "kept": {"shrink": g.shrink, "ci95": None if g.ci95 is None else list(g.ci95)},
+            "removed": list(self.removed),
+            "removed_mm": self.removed_mm,
             "without_mm": g.above_mm(g.before),
             "with_mm": g.above_mm(g.after),
         }
 
     def line(self) -> str:
-        """Promised and measured shrink in a line."""
+        """What was removed, and promised and measured shrink, in a line each."""
         p, g = self.promised, self.here
         promised = "nothing" if p is None else f"{percent(p.shrink)}, {interval((p.low, p.high))}"
         kept = "nothing to shrink here" if g.shrink is None else ", ".join(filter(None, [percent(g.shrink), interval(g.ci95)]))
-        return (
+        known = f"removed by --sensor, so not in the verdict: {', '.join(self.removed)} ({self.removed_mm:.1f} mm RMS)\n" * bool(
+            self.removed
+        )
+        return known + (
             f"shrink by --sensor: promised {promised}; kept {kept}; "
             f"{g.above_mm(g.before):.2f} mm without the model, {g.above_mm(g.after):.2f} mm with it"
         )
@@ -54,6 +68,11 @@ def kept(d: Diagnosis, known: SensorModel | None) -> Kept | None:
     if known is None or known.names == (PhotonLaw.NAME,):
         return None
     figures, report = d.account.figures, d.config.report
+    known = known.holding_in(d.solved.caster.scene.digest)
     after = [d.residual[v] for v in figures.held]
-    before = [r + known.bias(d.evidence[v].frame) for r, v in zip(after, figures.held, strict=True)]
-    return Kept(known.promise, measure(blocks(before, after, figures.floors_shown, report.block_px), figures.rng, report.shrink))
+    bias = [known.bias(d.evidence[v].frame) for v in figures.held]
+    before = [r + added for r, added in zip(after, bias, strict=True)]
+    here = measure(blocks(before, after, figures.floors_shown, report.block_px), figures.rng, report.shrink)
+    removed = tuple(name for name in known.names if EFFECTS[name].EVIDENCE is Evidence.BIAS)
+    seen = np.concatenate([b[np.isfinite(r)] for b, r in zip(bias, after, strict=True)])
+    return Kept(known.promise, here, removed, 1e3 * float(np.sqrt(np.mean(seen**2))) if len(seen) else 0.0)

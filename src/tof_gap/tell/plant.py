@@ -86,6 +86,7 @@ def plant_words(d: Diagnosis, scene: Scene) -> list[Words]:
     findings = [
         replace(_of_finding(f, _words(f.name, (f.effect,), "", maps.get(f.name), d, scene), scene), rivals=f.effect.rivals)
         for f in d.findings
+        if not f.expected
     ]
     return [*causes, *findings]
 

@@ -56,7 +56,8 @@ def report(d: Diagnosis, caster: Raycaster, maps: list[Ints], advice: list[str],
             "verdict": list(d.verdict),
             "gap": _shrink(d.gap)
             | {"explainable": d.explainable, "dispersion": _dispersion(d), "missing": _missing(d), "floor_from": _floor_from(d)},
-            "causes": [_cause(c, d) for c in d.causes] + [_finding(f) for f in d.findings],
+            "causes": [_cause(c, d) for c in d.causes] + [_finding(f) for f in d.findings if not f.expected],
+            "expected": [_finding(f) for f in d.findings if f.expected],
             "words": to_dicts(plant_words(d, caster.scene)),
             "where": {
                 "regions": [asdict(r) for r in found[: limits.regions]],
@@ -192,10 +193,11 @@ def _finite(value: Any) -> Any:
 
 
 def sensor_model(d: Diagnosis) -> SensorModel:
-    """The fitted sensor: every effect that is asserted or that predicts held-out views, photon law of the unnamed noise, unit of amplitude, camera, promise."""
+    """The fitted sensor: every effect that is asserted or that predicts held-out views, photon law of the unnamed noise, unit of amplitude, camera, promise, scene."""
     causes = [] if d.doubted else d.causes
     effects = [e for c in causes for e in c.named.effects] + [f.effect for f in d.findings]
-    return SensorModel((*effects, *([] if d.law is None else [d.law])), amplitude_unit(d.evidence), d.camera, _promise(d))
+    law = [] if d.law is None else [d.law]
+    return SensorModel((*effects, *law), amplitude_unit(d.evidence), d.camera, _promise(d), d.solved.caster.scene.digest)
 
 
 def _promise(d: Diagnosis) -> Promise | None:

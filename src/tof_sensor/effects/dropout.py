@@ -19,6 +19,11 @@ if TYPE_CHECKING:
 LEAST_STATED = 0.005
 """Least share of pixels lost at random that is stated: a few dead or dark pixels are usual."""
 
+KNOWN_THRESHOLD = 1.5
+"""Threshold of a session over that of sensor.yaml, up to which both are the same: each is known by the CAD's albedo, off by up to 40 %."""
+KNOWN_RANDOM = 0.01
+"""Share lost at random beyond that of sensor.yaml, up to which both are the same: what a healthy camera may lose."""
+
 
 @dataclass(frozen=True, slots=True)
 class Dropout(Effect):
@@ -43,6 +48,12 @@ class Dropout(Effect):
         parts = [f"{in_percent(self.random)} of the pixels at random"] if self.random > LEAST_STATED else []
         parts += [f"most pixels below amplitude {self.threshold:.3g}"] if self.threshold > 0 else []
         return ", ".join(parts) or "some of the pixels"
+
+    def includes(self, other: Effect) -> bool:
+        """Whether the other loss is of light hardly brighter, and of hardly more pixels at random."""
+        if not isinstance(other, Dropout):
+            return False
+        return other.threshold <= KNOWN_THRESHOLD * self.threshold and other.random <= self.random + KNOWN_RANDOM
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
         """Remove pixels; `missing` contains the probability."""

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from tof_sensor.frame import Frame
     from tof_sensor.session import Session
 
+KNOWN_SIZE = 1.25
+"""Noise of a session over that of sensor.yaml, up to which both are the same: three bursts show their size to 20 %."""
+
 
 @dataclass(frozen=True, slots=True)
 class Noise(Effect):
@@ -59,6 +62,12 @@ class Noise(Effect):
     def in_bursts(self) -> bool:
         """Whether only some captures have the noise."""
         return self.duty < 1.0
+
+    def includes(self, other: Effect) -> bool:
+        """Whether the other noise is hardly larger, and in bursts as this one or in every capture as this one."""
+        if not isinstance(other, Noise) or other.in_bursts != self.in_bursts:
+            return False
+        return other.extra_m <= KNOWN_SIZE * self.extra_m and other.factor <= KNOWN_SIZE * self.factor
 
     @classmethod
     def lacks(cls, session: Session) -> str:

@@ -14,6 +14,9 @@ from tof_sensor.effect import Effect, Evidence
 if TYPE_CHECKING:
     from tof_sensor.frame import Frame
 
+SAME_STEP = 0.05
+"""Difference of two steps of the depth code, as a share, up to which they are one."""
+
 
 @dataclass(frozen=True, slots=True)
 class Quantization(Effect):
@@ -46,3 +49,9 @@ class Quantization(Effect):
     def constant_variance(self) -> float:
         """Variance of rounding: a twelfth of the squared step (Widrow 1956)."""
         return self.step_m**2 / 12
+
+    def includes(self, other: Effect) -> bool:
+        """Whether the other step is the same."""
+        if not isinstance(other, Quantization):
+            return False
+        return other.along_ray == self.along_ray and abs(other.step_m - self.step_m) <= SAME_STEP * self.step_m

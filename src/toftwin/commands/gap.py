@@ -204,7 +204,9 @@ def summary(d: Diagnosis) -> str:
     elif not agrees:
         lines.append("no effect is certain enough to be simulated: the gap remains")
     lines += [cause_line(c, d) for c in d.causes]
-    lines += [f"  {f.name}: confidence {f.confidence:.2f}" + (f", {f.note}" if f.note and not f.size else "") for f in d.findings]
+    named_findings = [f for f in d.findings if not f.expected]
+    lines += [f"  {f.name}: confidence {f.confidence:.2f}" + (f", {f.note}" if f.note and not f.size else "") for f in named_findings]
+    lines += [f"expected of this camera: {f.name} ({f.size or f.note})" for f in d.findings if f.expected]
     if d.chain.root is None:
         lines.append("errors of the arm from view to view: {:.1f} mm and {:.2f} degrees RMS".format(*arm_errors(d)))
     if d.unexplained.structured:

@@ -17,7 +17,9 @@ from tof_gap.seen.missing import missing_effects
 from tof_gap.seen.session import amplitude_unit
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.phase_wrap import PhaseWrap
+from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.frame import amplitude_gain, ideal_frame, lambert_amplitude
+from tof_sensor.stated import StatedNoise
 
 if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
@@ -103,6 +105,24 @@ def test_without_an_amplitude_image_the_threshold_says_what_it_is_of() -> None:
     assert isinstance(found.effect, Dropout)
     assert found.effect.threshold == pytest.approx(threshold, rel=0.06)
     assert "no amplitude image: amplitude is albedo cos(incidence) / r²" in found.note
+
+
+@pytest.mark.parametrize(("shot_mm", "expected"), [(6.0, False), (7.5, True)])
+def test_loss_of_light_too_weak_to_measure_is_by_design(shot_mm: float, expected: bool) -> None:  # noqa: FBT001
+    """At the threshold, 0.73 of the median amplitude, noise is 1.17 times as large as there: 7.0 and 8.8 mm."""
+    lost, _ = dark_lost()
+    median = float(np.median(np.concatenate([v.frame.amplitude[v.smooth] for v in dwelled(0.0)])))
+    law = PhotonLaw(floor_m=0.0, shot_m=1e-3 * shot_mm, ambient_m=0.0, far_m=0.0, reference=median)
+    (found,) = missing_effects(lost, MissingLimits(), law=lambda: law)
+    assert found.expected is expected
+
+
+def test_loss_at_random_is_expected_of_a_camera_that_is_known_for_it() -> None:
+    known = StatedNoise(effects=(Dropout(random=0.1),))
+    (found,) = missing_effects(dwelled(0.1), MissingLimits(), stated=known)
+    assert found.expected
+    (more,) = missing_effects(dwelled(0.2), MissingLimits(), stated=known)
+    assert not more.expected
 
 
 def test_a_loss_of_one_in_forty_in_the_dark_has_a_threshold_that_loses_as_many() -> None:

@@ -25,12 +25,19 @@ def diagnosed(left_m: float, shown_m: float) -> Any:
     residual = [rng.normal(left_m if v in HELD else 9.0, shown_m, SHAPE) for v in range(VIEWS)]
     figures = SimpleNamespace(held=HELD, floors_shown=[np.full(SHAPE, shown_m**2)] * len(HELD), rng=np.random.default_rng(2))
     views = [SimpleNamespace(frame=None)] * VIEWS
-    return SimpleNamespace(residual=residual, evidence=views, account=SimpleNamespace(figures=figures), config=GapConfig())
+    solved = SimpleNamespace(caster=SimpleNamespace(scene=SimpleNamespace(digest="here")))
+    return SimpleNamespace(residual=residual, evidence=views, account=SimpleNamespace(figures=figures), config=GapConfig(), solved=solved)
 
 
 def model(bias_m: float) -> Any:
     """A model that adds the same bias to every pixel, and promises to remove 97 %."""
-    return SimpleNamespace(names=("range_offset",), bias=lambda _frame: bias_m, promise=SimpleNamespace(shrink=0.97, low=0.9, high=1.0))
+    made = SimpleNamespace(
+        names=("dropout", "range_offset"),
+        bias=lambda _frame: np.full(SHAPE, bias_m),
+        promise=SimpleNamespace(shrink=0.97, low=0.9, high=1.0),
+    )
+    made.holding_in = {"here": made}.__getitem__
+    return made
 
 
 @pytest.mark.parametrize("shown_m", [NOISE_M, 1.3 * NOISE_M])
@@ -49,6 +56,14 @@ def test_what_the_model_leaves_is_not_kept() -> None:
     assert found is not None
     assert found.here.shrink == pytest.approx(45.0 / 49.09, abs=0.01)
     assert "promised 97 %, 90 % to 100 %" in found.line()
+
+
+def test_what_was_removed_is_stated_with_its_size() -> None:
+    found = kept(diagnosed(0.0, NOISE_M), model(0.005))
+    assert found is not None
+    assert found.removed == ("range_offset",), "loss has no bias"
+    assert found.removed_mm == pytest.approx(5.0)
+    assert found.line().startswith("removed by --sensor, so not in the verdict: range_offset (5.0 mm RMS)\nshrink by --sensor: ")
 
 
 def test_a_model_without_a_bias_promises_nothing() -> None:

@@ -49,6 +49,7 @@ def diagnosed(finding: Finding, *, doubted: bool = False) -> Diagnosis:
         law=None,
         evidence=(),
         camera=CAMERA,
+        solved=SimpleNamespace(caster=SimpleNamespace(scene=SimpleNamespace(digest="3f"))),
     )
     return cast("Diagnosis", d)
 
@@ -67,4 +68,6 @@ def test_without_a_gap_nothing_is_promised() -> None:
 @pytest.mark.parametrize(("doubted", "held"), [(False, ["wiggling", "dropout"]), (True, ["dropout"])])
 def test_the_fitted_sensor_holds_what_is_asserted(held: list[str], *, doubted: bool) -> None:
     d = diagnosed(Finding(Dropout(threshold=0.1), 0.6), doubted=doubted)
-    assert [e.NAME for e in sensor_model(d).effects] == held
+    model = sensor_model(d)
+    assert [e.NAME for e in model.effects] == held
+    assert model.scene == "3f"

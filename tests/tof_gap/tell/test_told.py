@@ -25,6 +25,7 @@ from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
+from tof_sensor.stated import NOTHING_STATED
 
 NOTHING: Any = None
 NONE = Errors(0.0, 0.0, 0.0)
@@ -180,7 +181,7 @@ def findings_of(*, motion: bool = False, follows: bool = False, left_out: frozen
     config: Any = SimpleNamespace(
         noise=SimpleNamespace(foreign_light=FIELDS, foreign_lamp="lamp", repeated=2.0), missing="missing", report=ReportLimits()
     )
-    return _findings(solved, config, None, left_out, follows=follows)
+    return _findings(solved, config, NOTHING_STATED, left_out, follows=follows)
 
 
 LIGHT = Finding(Interference(burst_m=0.001), 0.9, posed_m=2e-3)
@@ -239,7 +240,7 @@ def test_arm_errors_say_nothing_of_light_unshared_motion_and_without_an_arm(
     told = detectors(monkeypatch, foreign=LIGHT)
     assert findings_of(motion=motion, left_out=left_out) == ()
     assert "foreign" not in told
-    assert told["gone"][-1] is motion
+    assert told["gone"][-3] is motion
     assert ("lamp" in told) is ("interference" not in left_out)
 
 

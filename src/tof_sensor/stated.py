@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Noise and lost pixels that a sensor.yaml states, with which those of a session are compared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tof_sensor.effect import Effect
+    from tof_sensor.effects.photon_law import PhotonLaw
+
+
+@dataclass(frozen=True, slots=True)
+class StatedNoise:
+    """law: the camera's photon law, None where none is stated; effects: all stated ones."""
+
+    law: PhotonLaw | None = None
+    effects: tuple[Effect, ...] = ()
+
+    def includes(self, found: Effect) -> bool:
+        """Whether the camera is known to have an effect of this kind that is hardly smaller."""
+        return any(e.includes(found) for e in self.effects)
+
+
+NOTHING_STATED = StatedNoise()
+"""Without a sensor.yaml."""
