@@ -68,7 +68,7 @@ def against(
         known: the sensor whose bias was removed from both sessions before they were diagnosed.
         left_out: names of effects that are not considered.
     """
-    limits, removed = limits or AgainstLimits(), () if known is None else known.effects
+    limits, removed = limits or AgainstLimits(), () if known is None else known.holding_in(real.solved.caster.scene.digest).effects
     camera, simulator = sensor_model(real), sensor_model(simulated)
     pair = Pair(real, camera, simulator, tuple(parts), limits, simulated.account.figures.unsure2, removed)
     mirrored = Pair(simulated, simulator, camera, tuple(parts), limits, real.account.figures.unsure2, removed)

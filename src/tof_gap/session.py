@@ -12,7 +12,7 @@ from tof_core.calibration import FILE as CALIBRATION_FILE
 from tof_core.calibration import Calibration, load_calibration
 from tof_gap.diagnose import diagnose
 from tof_sensor.effects.photon_law import PhotonLaw
-from tof_sensor.known import KnownBias
+from tof_sensor.known import KnownBias, scene_note
 from tof_sensor.origin import check_camera, differences
 from tof_sensor.stated import NOTHING_STATED
 
@@ -50,10 +50,9 @@ def diagnose_session(
         check_camera(known.camera, views[0].camera, any_lens=True)
         if differs := differences(known.camera, views[0].camera):
             progress(f"sensor.yaml was fitted with another lens in camera_info ({', '.join(differs)}): one of them is wrong")
-        here = replace(known.holding_in(caster.scene.digest), camera=None)
-        if elsewhere := sorted(set(known.names) - set(here.names)):
-            progress(f"sensor.yaml is of another scene: effects of its parts are not removed here ({', '.join(elsewhere)})")
-        known = here
+        if note := scene_note(known, caster.scene.digest):
+            progress(note)
+        known = replace(known.holding_in(caster.scene.digest), camera=None)
     if known is not None and known.names != (PhotonLaw.NAME,):  # the law of the noise has no bias
         progress("removing known effects")
         views = known_removed(views, caster, KnownBias(known), align)

@@ -56,6 +56,12 @@ class KnownBias:
         return reduce(lambda camera, effect: effect.camera(camera), self.model.effects, stated)
 
 
+def scene_note(model: SensorModel, scene: str) -> str:
+    """The effects of a model that are not removed in the scene of this digest, in a sentence; empty without any."""
+    apart = sorted(set(model.names) - set(model.holding_in(scene).names))
+    return f"sensor.yaml is of another scene: effects of its parts are not removed here ({', '.join(apart)})" if apart else ""
+
+
 def known_bias(path: Path | str | None) -> KnownBias | None:
     """The bias of a `sensor.yaml`; None for no file ("" or None)."""
     if not path:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path  # noqa: TC003 (a field of a setting that other processes read)
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ from tof_core.errors import UsageError
 from tof_core.hashing import digest_config, digest_file
 
 if TYPE_CHECKING:
+    from tof_scene.scene import Scene
     from tof_sensor.known import KnownBias
     from tof_sensor.model import SensorModel
     from toftwin.pipeline import PipelineConfig
@@ -19,6 +21,17 @@ if TYPE_CHECKING:
 MODES = {"final": "session", "causal": "session", "per_view": "per_view", "robot": "robot"}
 """Modes of labelling and the alignment mode of each."""
 POSE_SOURCES = {"final": "session, final", "causal": "session, causal", "per_view": "per view", "robot": "robot"}
+
+
+def bias_in(scene: Scene | None, path: Path | str | None) -> KnownBias | None:
+    """The bias of a `sensor.yaml`; a line on stderr states the effects that are not removed in this scene."""
+    from tof_sensor.known import known_bias, scene_note
+
+    bias = known_bias(path)
+    note = "" if bias is None or scene is None else scene_note(bias.model, scene.digest)
+    if note:
+        print(note, file=sys.stderr)
+    return bias
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +63,15 @@ class Known:
         from tof_sensor.known import KnownBias
 
         return KnownBias(model)
+
+    def scene_note(self, scene: str) -> str:
+        """The effects that are not removed in the scene of this digest, in a sentence; empty without any."""
+        model = self.model
+        if model is None:
+            return ""
+        from tof_sensor.known import scene_note
+
+        return scene_note(model, scene)
 
     def check(self, mode: str) -> None:
         """Refuse a joint solution of anything but a whole session, and poses of the robot alone with a sensor model."""

@@ -178,7 +178,8 @@ class _Job:
 
             raise explained(error, views, self.caster, self.config.input, self.config.align) from error
         posed, caster = cameras.posed, cameras.caster(self.caster)
-        notes = [result.note, _lens_note(views[0].camera, posed, self.config.label.lens_px), cameras.note(self.scene)]
+        lens = _lens_note(views[0].camera, posed, self.config.label.lens_px)
+        notes = [result.note, lens, cameras.note(self.scene), self.known.scene_note(self.scene.digest)]
         result.note = "; ".join(filter(None, notes))
         for name in self.also:
             other = replace(self.config.align, mode=MODES[name])

@@ -12,23 +12,28 @@ import pytest
 
 from arm_correction.corrector import Corrector
 from tests.tof_align.made import CONFIG, ROBOT, one_view, panel, pose_error, section, session, wiggling
+from tof_align import known as room
 from tof_align.causal import SessionAligner
 from tof_align.known import known_removed, known_removed_alone
 from tof_align.session import solve_session
 from tof_core import se3
+from tof_core.errors import RefusedError
 from tof_inspect.judge import Inspector
 from tof_scene.raycast import Raycaster
 from tof_scene.render import render
 from tof_sensor.effects.depth_scale import DepthScale
+from tof_sensor.effects.multipath import Multipath
 from tof_sensor.effects.range_offset import RangeOffset
 from tof_sensor.effects.wiggling import Wiggling
 from tof_sensor.frame import LIGHT_M_PER_S
 from tof_sensor.known import KnownBias, ideal_frames
-from tof_sensor.model import SensorModel
+from tof_sensor.model import SensorModel, save_model
 from tof_sim_label.labeller import LabellerConfig, label_session
+from toftwin.known import bias_in
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+    from pathlib import Path
 
     from tests.tof_align.made import Seen, Truth
     from tof_core.arrays import Float
@@ -150,3 +155,36 @@ def test_labels_parts_and_corrections_take_it() -> None:
 def test_an_empty_model_changes_nothing() -> None:
     views, _ = session(section(), views=2)
     assert not left_mm(known_removed(views, section(), KnownBias(SensorModel()), CONFIG), views).any()
+
+
+def test_a_model_of_another_scene_states_what_is_not_removed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = section().scene
+    path = tmp_path / "sensor.yaml"
+    save_model(SensorModel((Multipath(strength=0.6), RangeOffset(offset_m=0.01)), scene="another"), path)
+    assert bias_in(scene, path) is not None
+    assert capsys.readouterr().err == "sensor.yaml is of another scene: effects of its parts are not removed here (multipath)\n"
+    save_model(SensorModel((Multipath(strength=0.6),), scene=scene.digest), path)
+    assert bias_in(scene, path) is not None
+    assert capsys.readouterr().err == ""
+
+
+def test_effects_of_the_parts_of_another_scene_are_not_removed() -> None:
+    """The light between parts is removed in its own scene, and in no other."""
+    views, _ = session(section(), views=2)
+    here, elsewhere = (KnownBias(SensorModel((Multipath(strength=0.6),), scene=s)) for s in (section().scene.digest, "another"))
+    assert np.abs(left_mm(known_removed(views, section(), here, CONFIG), views)).max() > 1.0
+    assert not left_mm(known_removed(views, section(), elsewhere, CONFIG), views).any()
+
+
+def test_where_the_session_fits_nowhere_the_first_poses_serve(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever solves the session next refuses it, or takes what stands before the parts apart."""
+
+    def refuse(*_: object) -> None:
+        raise RefusedError("a pole stands before it", where="alignment", todo="look")
+
+    monkeypatch.setattr(room, "solve_session", refuse)
+    model, effect = KNOWN["offset of 50 mm"]
+    views, _ = session(section(), views=4, effect=effect)
+    off = left_mm(known_removed(views, section(), KnownBias(model), CONFIG), clean()[0])
+    assert np.quantile(np.abs(off), 0.9) < 0.5
+    assert abs(np.median(off)) < 0.1

@@ -51,9 +51,9 @@ def run(args: argparse.Namespace) -> int:
     from arm_correction.frames import frames_of
     from arm_correction.reference import load_reference, save_reference
     from tof_core.errors import UsageError
-    from tof_sensor.known import known_bias
     from toftwin.correcting import CorrectionConfig, corrector_of, views_of
     from toftwin.inputs import opened
+    from toftwin.known import bias_in
     from toftwin.options import load_config
     from toftwin.paths import session_name
 
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
         if not -len(views) <= args.view < len(views):
             raise UsageError(f"there is no view {args.view}; the bag has {len(views)}", where="--view")
         chosen = views[: args.view % len(views) + 1]
-        corrector = corrector_of(scene, reference, config, known_bias(args.sensor))
+        corrector = corrector_of(scene, reference, config, bias_in(scene, args.sensor))
         if args.save:
             kept = save_reference(corrector.capture(chosen[-1], _region(args.region, chosen[-1].camera.shape)), args.save)
             print(f"reference: {kept}")

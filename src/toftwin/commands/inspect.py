@@ -74,9 +74,9 @@ def run(args: argparse.Namespace) -> int:
     from tof_inspect.judge import Inspector
     from tof_inspect.report import content, write
     from tof_scene.raycast import Raycaster
-    from tof_sensor.known import known_bias
+    from toftwin.known import bias_in
 
-    inspector = Inspector(Raycaster(scene), config.inspect, config.align, bias=known_bias(args.sensor))
+    inspector = Inspector(Raycaster(scene), config.inspect, config.align, bias=bias_in(scene, args.sensor))
     _learn(args, inspector, config)
     found = inspect_views(views, inspector)
     result = content(found, scene.digest)
