@@ -11,7 +11,7 @@ from tof_core.page import render_page
 from tof_gap.tell import pictures
 from tof_gap.tell.plant import duration_s
 from tof_gap.tell.where import Bin
-from tof_gap.tell.words import interval, percent, sentence, size_in_words, todo, unexplained_words
+from tof_gap.tell.words import expected_words, interval, percent, sentence, size_in_words, todo, unexplained_words
 from tof_scene.world.words import lines, of_views
 from tof_sensor.registry import EFFECTS
 
@@ -53,6 +53,7 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str, 
         meaning={name: effect.MEANING for name, effect in EFFECTS.items()},
         words=[w["sentence"] for w in content["words"]],
         promise=content.get("promise"),
+        expected=expected_words(d.findings),
         left=unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes)) if d.unexplained.structured else "",
         against=content.get("against"),
         small=content["small"],

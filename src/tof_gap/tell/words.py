@@ -10,8 +10,9 @@ from tof_core.errors import ToftwinError
 from tof_core.shares import in_percent
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
+    from tof_gap.seen.finding import Finding
     from tof_gap.tell.unexplained import Unexplained
 
 PLACE = "place in the cell"
@@ -160,6 +161,11 @@ def unexplained_words(u: Unexplained, *, suspected: bool = False) -> str:
 def spaced(name: str) -> str:
     """The name of an effect in a sentence."""
     return name.replace("_", " ").replace("cad ", "CAD ")
+
+
+def expected_words(findings: Iterable[Finding]) -> list[str]:
+    """Effects that the camera is known to have or has by design, each with its size."""
+    return [f"expected of this camera: {f.name}{f' ({f.size or f.note})' if f.size or f.note else ''}" for f in findings if f.expected]
 
 
 def listed(names: Sequence[str], last: str = "and") -> str:

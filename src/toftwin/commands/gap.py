@@ -184,7 +184,7 @@ def meaning_of(verdict: Sequence[str]) -> str:
 def summary(d: Diagnosis) -> str:
     """Summary of the diagnosis for a terminal."""
     from tof_gap.tell.report import arm_errors
-    from tof_gap.tell.words import interval, percent, unexplained_words, where_to_look
+    from tof_gap.tell.words import expected_words, interval, percent, unexplained_words, where_to_look
     from tof_scene.world.words import lines as world_lines
     from tof_scene.world.words import of_views
 
@@ -204,9 +204,9 @@ def summary(d: Diagnosis) -> str:
     elif not agrees:
         lines.append("no effect is certain enough to be simulated: the gap remains")
     lines += [cause_line(c, d) for c in d.causes]
-    named_findings = [f for f in d.findings if not f.expected]
-    lines += [f"  {f.name}: confidence {f.confidence:.2f}" + (f", {f.note}" if f.note and not f.size else "") for f in named_findings]
-    lines += [f"expected of this camera: {f.name} ({f.size or f.note})" for f in d.findings if f.expected]
+    found = [f for f in d.findings if not f.expected]
+    lines += [f"  {f.name}: confidence {f.confidence:.2f}" + (f", {f.note}" if f.note and not f.size else "") for f in found]
+    lines += expected_words(d.findings)
     if d.chain.root is None:
         lines.append("errors of the arm from view to view: {:.1f} mm and {:.2f} degrees RMS".format(*arm_errors(d)))
     if d.unexplained.structured:

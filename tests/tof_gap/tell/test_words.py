@@ -7,8 +7,12 @@ from typing import Any
 
 import pytest
 
+from tof_gap.seen.finding import Finding
 from tof_gap.tell.unexplained import Unexplained
-from tof_gap.tell.words import interval, sentence, size_in_words, spaced, todo, unexplained_words, where_to_look
+from tof_gap.tell.words import expected_words, interval, sentence, size_in_words, spaced, todo, unexplained_words, where_to_look
+from tof_sensor.effects.dropout import Dropout
+from tof_sensor.effects.interference import Interference
+from tof_sensor.effects.quantization import Quantization
 
 
 def cause(effect: str, **params: Any) -> dict[str, Any]:
@@ -168,3 +172,12 @@ def test_an_effect_that_is_contradicted_is_stated_with_what_contradicts_it() -> 
     assert (
         sentence(report) == f"Camera and simulation differ, and no effect known here explains the difference. It shows most on door. {like}"
     )
+
+
+def test_what_is_expected_of_a_camera_is_stated_and_what_is_found_is_not() -> None:
+    known = Finding(Dropout(threshold=50.0), 0.9, size="3 % of the pixels, those of weak light", expected=True)
+    steps = Finding(Quantization(step_m=0.004), 1.0, expected=True)
+    assert expected_words([known, Finding(Interference(burst_m=0.002), 0.95), steps]) == [
+        "expected of this camera: dropout (3 % of the pixels, those of weak light)",
+        "expected of this camera: quantization",
+    ]
