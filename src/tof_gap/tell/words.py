@@ -179,5 +179,5 @@ def percent(share: float | None) -> str:
 
 
 def interval(ci: Sequence[float] | None) -> str:
-    """The 95 % interval of a share, cut to 0 to 100 %; "" where it is not known."""
-    return "" if ci is None else f"{percent(min(max(ci[0], 0.0), 1.0))} to {percent(min(ci[1], 1.0))} with 95 % confidence"
+    """The 95 % interval of a share, cut at 100 %; "" where it is not known. Below 0 a gap grows."""
+    return "" if ci is None else f"{percent(min(ci[0], 1.0))} to {percent(min(ci[1], 1.0))} with 95 % confidence"
