@@ -139,7 +139,7 @@ class MissingLimits:
         "noise of one capture at the threshold amplitude from which the loss of weak light is by design",
         unit="mm",
         low=0.0,
-        why="22 healthy thresholds of a camera of another author: 10 to 33; thresholds that are too strict: 1.1 to 6.2",
+        why="22 healthy thresholds of a camera of another author: 10 to 33; thresholds that are too strict: 1.1 to 7.4",
     )
     brighter: float = param(
         0.8, "chance that a saturated pixel is brighter than a measured one of its part", low=0.5, high=1.0, why="lost at random: 0.5"

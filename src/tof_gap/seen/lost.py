@@ -118,7 +118,7 @@ def dropout(
     """`dropout` where more than `lost_share` of all pixels is lost, or `lost_on_part` of one part in two views and more: below a threshold of amplitude, and at random.
 
     A lost pixel has no reliable amplitude; that of the CAD is used, in the unit of the camera's amplitude image. The loss is expected
-    where `stated` includes it, or where light is so weak by the photon law (called if needed) that any camera drops it.
+    where `stated` includes it, or where light is so weak by the photon law of the session, which `law` gives, that any camera drops it.
     """
     inside, gone = losses.inside, losses.gone
     part = np.concatenate([v.rendering.part[i] for v, i in zip(views, inside, strict=True)])

@@ -36,7 +36,7 @@ def missing_effects(
 ) -> list[Finding]:
     """`dropout`, `phase_wrap` and `flying_pixels` where pixels show them, unless left out.
 
-    blurred: whether motion mixes edges; stated: what the camera is known to do; law: gives its photon law.
+    blurred: whether motion mixes edges; stated: what the camera is known to do; law: gives the photon law of the session.
     """
     holes = filtered(views, limits)
     losses = losses_of(views, limits, holes)
