@@ -78,8 +78,7 @@ class Effect(ABC):
     NAME: ClassVar[str]
     ORDER: ClassVar[int]
     """Unique rank in physical order: part 0, pose 10, light 30, pixel 50, noise 70, output from 80."""
-    MEANING: ClassVar[str]
-    """The effect in a plant engineer's words, for the report."""
+    MEANING: ClassVar[str]  # The effect in a plant engineer's words, for the report.
     REMEDY: ClassVar[str] = ""  # What a plant does about the effect, for the report.
     SEPARATED_BY: ClassVar[str] = "a reference of known distance"  # What else separates it, where no capture of `ACTIONS` does.
     ACTIONS: ClassVar[tuple[Action, ...]] = ()  # Captures in which the effect changes differently from similar ones.
@@ -96,18 +95,14 @@ class Effect(ABC):
     EXACT: ClassVar[bool] = False
     """Whether its map is exact, since it models neither light nor surfaces: remaining residuals are no error of the map."""
     UNEVEN: ClassVar[float] = 0.1  # Largest standard deviation of its size over the views, as a share of its mean.
-    MODULATED: ClassVar[bool] = False
-    """Whether only time-of-flight cameras have it, modulated or pulsed; no stereo camera does."""
+    MODULATED: ClassVar[bool] = False  # Whether only time-of-flight cameras have it, modulated or pulsed; no stereo camera does.
     ONE_FORM: ClassVar[bool] = False  # Whether a diagnosis tries it in a single form, which has the default parameters.
     REPEATS: ClassVar[bool] = False  # Whether it may occur several times: once per part, or once per modulation frequency.
     IN_CHAIN: ClassVar[bool] = False  # Whether it is a member of the chain of poses, which the solution estimates instead of columns.
     SMEARS: ClassVar[bool] = False  # Whether it shifts depth edges, and with them the poses that edges determine.
-    AT_EDGES: ClassVar[bool] = False
-    """Whether it is largest at edges, which no fit uses: its size is that of its map on all pixels."""
-    FINER: ClassVar[tuple[Finer, ...]] = ()
-    """Passes of the search around its best form, in turn."""
-    REACH_M: ClassVar[float] = 0.05
-    """Prior standard deviation of a coefficient, as RMS of its column over the session, metres."""
+    AT_EDGES: ClassVar[bool] = False  # Whether it is largest at edges, which no fit uses: its size is that of its map on all pixels.
+    FINER: ClassVar[tuple[Finer, ...]] = ()  # Passes of the search around its best form, in turn.
+    REACH_M: ClassVar[float] = 0.05  # Prior standard deviation of a coefficient, as RMS of its column over the session, metres.
     COEFFICIENTS: ClassVar[tuple[str, ...]] = ()  # Names of the coefficients where they are not those of `LINEAR`.
 
     @property

@@ -178,9 +178,8 @@ def _findings(solved: Solved, config: GapConfig, stated: StatedNoise, left_out: 
     errors that follow the views (`follows`) are no foreign light.
     """
     left = solved.bare
-    blurred = solved.names(Motion.NAME)
     gone = missing.missing_effects(
-        left, config.missing, left_out, blurred=blurred, stated=stated, law=lambda: own_law(left, (), config.noise)
+        left, config.missing, left_out, blurred=solved.names(Motion.NAME), stated=stated, law=lambda: own_law(left, (), config.noise)
     )
     unmerged = any(map(_fails_to_merge, gone))
     # The noise of wrongly merged frequencies grows in weak light, as that of foreign light does.
