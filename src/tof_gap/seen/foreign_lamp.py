@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -165,15 +164,19 @@ def _gains(cells: Sequence[Cells | None], places: Float, caster: Raycaster | Non
         if c is None:
             return np.zeros((len(FREQUENCIES_MHZ), len(places)))
         at, k = c.in_cell(places, on_hand=on_hand), waves_per_m(FREQUENCY_STEP_MHZ)
-        lit = np.ones((len(at), len(c.points)), bool) if caster is None else reached(c.points, c.normals, at, caster)
         each = c.points, c.normals, c.range_m, c.cosine, lag_of(k, c.range_m), c.sigma, c.smooth, c.error
-        return np.asarray(gains_at(at, k, len(FREQUENCIES_MHZ), *each, lit))
+        return np.asarray(gains_at(at, k, len(FREQUENCIES_MHZ), *each, reached(c.points, c.normals, at, caster)))
 
     return np.stack(in_threads(of_view, cells))
 
 
-def reached(points: Float, normals: Float, places: Float, caster: Raycaster) -> Mask:
-    """(places, n) whether the way from a lamp at each place (places, 3) to points (n, 3) of surfaces is free; all in the cell."""
+def reached(points: Float, normals: Float, places: Float, caster: Raycaster | None) -> Mask:
+    """(places, n) whether the way from a lamp at each place (places, 3) to points (n, 3) of surfaces is free; all in the cell.
+
+    Without `caster` nothing casts a shadow.
+    """
+    if caster is None:
+        return np.ones((len(places), len(points)), bool)
     one = np.tile(np.arange(len(points), dtype=np.int32), len(places))
     other = np.repeat(np.arange(len(places), dtype=np.int32), len(points))
     starts = np.ascontiguousarray(points + CLEARANCE_M * normals)
@@ -184,18 +187,15 @@ def reached(points: Float, normals: Float, places: Float, caster: Raycaster) -> 
 def _field(view: ViewEvidence, c: Cells, found: _Search, caster: Raycaster) -> Float:
     """(H, W) metres of z that the lamp's light adds to a view; 0 where the CAD has no surface."""
     at, k = c.in_cell(found.at_m, on_hand=found.on_hand), waves_per_m(found.mhz)
-    shadows = partial(_lit_from, at, None if found.on_hand else caster)
-    waves = waves_from(at, k, c.points, c.normals, c.range_m, c.cosine, lag_of(k, c.range_m), shadows(c.points, c.normals))
+    shading = None if found.on_hand else caster
+    lit = reached(c.points, c.normals, at[None], shading)[0]
+    waves = waves_from(at, k, c.points, c.normals, c.range_m, c.cosine, lag_of(k, c.range_m), lit)
     B = beside(c.smooth, waves.T / c.sigma[:, None])
     strength = np.linalg.solve(ridged(B.T @ B), B.T @ c.error)
     R, t = c.T[:3, :3], c.T[:3, 3]
     points, normals = (np.nan_to_num(a).reshape(-1, 3).astype(np.float64) @ R.T for a in (view.frame.points, view.rendering.normal))
     cosine = np.maximum(np.nan_to_num(np.cos(view.rendering.incidence)).ravel().astype(np.float64), STEEPEST)
     range_m = np.nan_to_num(view.frame.radial).ravel().astype(np.float64)
-    all_waves = waves_from(at, k, points + t, normals, range_m, cosine, lag_of(k, range_m), shadows(points + t, normals))
+    lit = reached(points + t, normals, at[None], shading)[0]
+    all_waves = waves_from(at, k, points + t, normals, range_m, cosine, lag_of(k, range_m), lit)
     return np.asarray((strength @ all_waves).reshape(view.residual.shape) / view.frame.length)
-
-
-def _lit_from(at: Float, caster: Raycaster | None, points: Float, normals: Float) -> Mask:
-    """(n,) whether a lamp's light from `at` (3,) reaches points (n, 3) of surfaces; all of them without `caster`."""
-    return np.ones(len(points), bool) if caster is None else reached(points, normals, at[None], caster)[0]

@@ -50,13 +50,12 @@ class Kept:
         p, g = self.promised, self.here
         promised = "nothing" if p is None else f"{percent(p.shrink)}, {interval((p.low, p.high))}"
         kept = "nothing to shrink here" if g.shrink is None else ", ".join(filter(None, [percent(g.shrink), interval(g.ci95)]))
-        known = f"removed by --sensor, so not in the verdict: {', '.join(self.removed)} ({self.removed_mm:.1f} mm RMS)\n" * bool(
-            self.removed
-        )
-        return known + (
+        removed = f"removed by --sensor, so not in the verdict: {', '.join(self.removed)} ({self.removed_mm:.1f} mm RMS)"
+        shrink = (
             f"shrink by --sensor: promised {promised}; kept {kept}; "
             f"{g.above_mm(g.before):.2f} mm without the model, {g.above_mm(g.after):.2f} mm with it"
         )
+        return f"{removed}\n{shrink}" if self.removed else shrink
 
 
 def kept(d: Diagnosis, known: SensorModel | None) -> Kept | None:

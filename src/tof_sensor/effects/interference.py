@@ -12,13 +12,11 @@ from tof_core.config import param
 from tof_core.shares import in_percent
 from tof_sensor.effect import Effect, Evidence
 from tof_sensor.frame import with_noise
+from tof_sensor.stated import KNOWN_SIZE
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_sensor.frame import Frame
-
-KNOWN_SIZE = 1.25
-"""Size in a session over that of sensor.yaml, up to which both are the same: three disturbed views show it to 20 %."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,14 +12,12 @@ from tof_core.config import param
 from tof_sensor.effect import Effect, Evidence
 from tof_sensor.frame import with_noise
 from tof_sensor.session import NO_AMPLITUDE
+from tof_sensor.stated import KNOWN_SIZE
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_sensor.frame import Frame
     from tof_sensor.session import Session
-
-KNOWN_SIZE = 1.25
-"""Noise of a session over that of sensor.yaml, up to which both are the same: three bursts show their size to 20 %."""
 
 
 @dataclass(frozen=True, slots=True)
