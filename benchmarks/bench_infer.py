@@ -17,6 +17,7 @@ from benchmarks.infer_data import EXACT_ROBOT, label_bag, record_bag
 from benchmarks.infer_scenes import random_scene
 from benchmarks.make_model import HELD_OUT
 from benchmarks.rivals import examples, fit_correction, search_rules
+from benchmarks.untrained import untrained
 from tof_core.bag import open_bag
 from tof_eval.methods import Corrected, Model, Raw, Rules
 from tof_infer.config import InferConfig
@@ -253,13 +254,7 @@ def fast_figure() -> Figure:
     """Processor time of a frame of 640 x 576 in the network of `--recipe fast`, over that in the default network; untrained weights."""
     from tof_core.camera import Camera
     from tof_core.capture import Capture
-    from tof_core.config import to_mapping
-    from tof_infer.card import Card
-    from tof_infer.config import TrainConfig
-    from tof_infer.export import export
-    from tof_infer.network import RepairNet
     from tof_infer.session import Session
-    from tof_infer.sigma_calibration import Calibration
 
     camera = Camera(640, 576, 600.0, 600.0, 319.5, 287.5)
     depth = (1 + 0.1 * np.random.default_rng(0).normal(size=camera.shape)).astype(np.float32)
@@ -267,8 +262,7 @@ def fast_figure() -> Figure:
     calls = []
     with tempfile.TemporaryDirectory() as folder:
         for recipe in ("default", "fast"):
-            net, path = TrainConfig(recipe=recipe).resolved.net, Path(folder) / f"{recipe}.onnx"
-            export(RepairNet(net), Calibration(), Card(net.names, net.multiple, camera, (0.3, 3.0), 1.0, {"net": to_mapping(net)}), path)
+            path = untrained(recipe, camera, Path(folder) / f"{recipe}.onnx")
             run = Session(InferConfig(model=str(path), threads=1))
             calls.append((run, run.inputs(capture)))
     # Turn by turn, so that both meet the same load.

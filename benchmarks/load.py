@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.looped_camera import ROOMS
-from benchmarks.recorded import recorded
+from benchmarks.recorded import FOLDER, recorded
+from benchmarks.untrained import untrained
+from tof_core.camera import Camera
 from toftwin.graph import GraphSpec
 
 if TYPE_CHECKING:
@@ -52,6 +54,8 @@ class Load:
     """`live.share` of sim_label: above 0 not every dwell has a label."""
     view_every: int = 1
     """`live.view_every` of preproc: other than 1 not every capture has a view of its own."""
+    recipe: str = "default"
+    """Recipe of `toftwin train` by which infer's network was made; one that is not in the package has untrained weights."""
     together: bool = False
     """The nodes of a camera run in one process, as `toftwin node` and `ros2 launch` with `together:=true` start them."""
 
@@ -60,8 +64,10 @@ class Load:
         one = f"{self.width}x{self.height} at {self.hz:g} Hz"
         views = {0: ", a view a dwell", 1: ""}.get(self.view_every, f", a view every {self.view_every} captures")
         labels = f", labels in at most {self.label_share:.0%} of a core" if self.label_share else ""
+        network = "" if self.recipe == "default" else f", network of --recipe {self.recipe}"
         process = ", one process a camera" if self.together else ""
-        return f"{one}{views}{labels}{process}" if self.cameras == 1 else f"{self.cameras} cameras of {one}{views}{labels}{process}"
+        cameras = "" if self.cameras == 1 else f"{self.cameras} cameras of "
+        return f"{cameras}{one}{views}{labels}{network}{process}"
 
     @property
     def rooms(self) -> tuple[str, ...]:
@@ -89,8 +95,9 @@ class Load:
         nodes = "" if self.nodes == NODES else f"_{'_'.join(self.nodes)}"
         share = f"_share{self.label_share:g}" if self.label_share else ""
         views = f"_every{self.view_every}" if self.view_every != 1 else ""
+        recipe = "" if self.recipe == "default" else f"_{self.recipe}"
         together = "_together" if self.together else ""
-        return "soak" if self == Load() else f"soak_{self.cameras}_{self.width}x{self.height}{nodes}{views}{share}{together}"
+        return "soak" if self == Load() else f"soak_{self.cameras}_{self.width}x{self.height}{nodes}{views}{share}{recipe}{together}"
 
     @property
     def flags(self) -> str:
@@ -98,9 +105,10 @@ class Load:
         nodes = "" if self.nodes == NODES else f" --nodes {','.join(self.nodes)}"
         views = f" --view-every {self.view_every}" if self.view_every != 1 else ""
         share = f" --label-share {self.label_share:g}" if self.label_share else ""
+        recipe = "" if self.recipe == "default" else f" --recipe {self.recipe}"
         together = " --together" if self.together else ""
         camera = f" --cameras {self.cameras} --size {self.width}x{self.height} --hz {self.hz:g}"
-        return "" if self == Load() else f"{camera}{nodes}{views}{share}{together}"
+        return "" if self == Load() else f"{camera}{nodes}{views}{share}{recipe}{together}"
 
     @property
     def namespaces(self) -> tuple[str, ...]:
@@ -112,12 +120,20 @@ class Load:
         stock = (self.width, self.height) == STOCK
         return recorded(SCENE, SESSION if stock else {**SESSION, "camera": {"width": self.width, "height": self.height}}).bag
 
+    @property
+    def model(self) -> str:
+        """Network of infer: that of the package, or one of this recipe with untrained weights."""
+        if self.recipe == "default":
+            return "default"
+        camera = Camera(self.width, self.height, self.width, self.width, (self.width - 1) / 2, (self.height - 1) / 2)
+        return str(untrained(self.recipe, camera, FOLDER / f"{self.recipe}_{self.width}x{self.height}.onnx"))
+
     def specs(self) -> list[GraphSpec]:
         """The nodes of every camera. A network made for another camera is asked all the same: it takes the same time."""
         given: dict[str, dict[str, Any]] = {
             "preproc": {"live.view_every": self.view_every},
             "sim_label": {"live.share": self.label_share},
-            "infer": {"infer.force": (self.width, self.height) != STOCK},
+            "infer": {"infer.force": (self.width, self.height) != STOCK, "infer.model": self.model},
         }
         found = [[spec for spec in specs(SCENE, name, given) if spec.nodes[0] in self.nodes] for name in self.namespaces]
         return [spec for each in found for spec in ([joined(each)] if self.together else each)]

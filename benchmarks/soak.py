@@ -254,6 +254,7 @@ def parse(arguments: list[str] | None) -> Any:
     parser.add_argument("--nodes", default=",".join(NODES), help="nodes that run for each camera (default: all three)")
     parser.add_argument("--view-every", type=int, default=1, help="live.view_every of preproc (default: 1; 0: the last view of each dwell)")
     parser.add_argument("--label-share", type=float, default=0.0, help="live.share of sim_label (default: 0, a label for each dwell)")
+    parser.add_argument("--recipe", default="default", help="recipe of the network; one that is not in the package has untrained weights")
     parser.add_argument("--together", action="store_true", help="the nodes of a camera in one process (default: one process a node)")
     parser.add_argument("--no-rate", action="store_true", help="leave out the search for the highest rate")
     parser.add_argument("--rate-only", action="store_true", help="search for the highest rate alone")
@@ -268,7 +269,8 @@ def main(arguments: list[str] | None = None) -> int:
     options = parse(arguments)
     width, height = (int(side) for side in options.size.split("x"))
     nodes = tuple(options.nodes.split(","))
-    given = Load(options.hz, width, height, options.cameras, nodes, options.label_share, options.view_every, options.together)
+    shares = (options.label_share, options.view_every)
+    given = Load(options.hz, width, height, options.cameras, nodes, *shares, options.recipe, options.together)
     results: dict[str, list[Figure]] = {}
     if options.most_cameras:
         figure = most_cameras(given, say=True)

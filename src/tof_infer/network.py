@@ -48,7 +48,7 @@ def convolved(layer: nn.Conv2d, *parts: Tensor) -> Tensor:
     # Plain numbers become constants of the exported graph; otherwise it would slice the weights for each frame.
     weights = torch.split(layer.weight, [int(x.shape[1]) for x in parts], 1)
     biases = (layer.bias, *(None for _ in parts[1:]))
-    first, *others = (F.conv2d(x, w, b, padding=1) for x, w, b in zip(parts, weights, biases, strict=True))
+    first, *others = (F.conv2d(x, w, b, padding=layer.padding) for x, w, b in zip(parts, weights, biases, strict=True))
     return sum(others, first)
 
 
@@ -88,7 +88,8 @@ class RepairNet(nn.Module):
         self.unet: nn.Module = (
             SeparableUNet(fine, smooth, config.base, config.levels) if config.separable else UNet(fine + smooth, config.base, config.levels)
         )
-        self.head = nn.Conv2d(config.base + fine, 2 * s * s, 3, padding=1)
+        side = 1 if config.separable else 3
+        self.head = nn.Conv2d(config.base + fine, 2 * s * s, side, padding=side // 2)
         nn.init.normal_(self.head.weight, std=1e-3)
         nn.init.zeros_(self.head.bias)
 

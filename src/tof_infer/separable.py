@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The U-Net of the recipe `fast`: 0.37 of the time of the default one in onnxruntime, at the same or a smaller error.
+"""The U-Net of the recipe `fast`: a third of the time of the default one in onnxruntime, at the same or a smaller error.
 
-Three changes save the time. Convolutions are separable (a filter of 3 x 3 for each channel, then a sum over channels at each pixel).
+Four changes save the time. Convolutions are separable (a filter of 3 x 3 for each channel, then a sum over channels at each pixel).
 The decoder adds the encoder's channels instead of joining them. The features that are means over blocks enter at the second level,
-which has a quarter of the blocks; the finest level sees the features that have every pixel.
+which has a quarter of the blocks; the finest level sees the features that have every pixel. The head is a sum over channels at each
+pixel, of the decoder's and of these features: a filter of 3 x 3 for each channel in place of the features costs accuracy.
 """
 
 from __future__ import annotations
@@ -48,9 +49,11 @@ class SeparableUNet(nn.Module):
     def __init__(self, fine: int, smooth: int, base: int, levels: int) -> None:
         super().__init__()
         widths = [min(base * 2**k, base * 4) for k in range(levels)]
-        inside = [widths[0] + smooth, *widths[1:-1]]
+        # Means are brought to as many channels as pixels have: onnxruntime computes multiples of 16 channels in blocks.
+        inside = [2 * base, *widths[1:-1]]
         pairs = list(zip(widths[:0:-1], widths[-2::-1], strict=True))
         self.see = nn.Conv2d(fine, base, 3, padding=1)
+        self.mix = nn.Conv2d(smooth, base, 1)
         self.down = nn.ModuleList(SeparableBlock(a, b, whole=False) for a, b in zip(inside, widths[1:], strict=True))
         self.narrow = nn.ModuleList(nn.Conv2d(a, b, 1) for a, b in pairs)
         self.up = nn.ModuleList(SeparableBlock(b, b, whole=True) for _, b in pairs)
@@ -62,7 +65,7 @@ class SeparableUNet(nn.Module):
         for k, block in enumerate(self.down):
             passed.append(x)
             x = F.max_pool2d(x, 2)
-            x = block(x if k else torch.cat([x, smooth], 1))
+            x = block(x if k else torch.cat([x, F.relu(self.mix(smooth))], 1))
         for narrow, block in zip(self.narrow, self.up, strict=True):
             x = block(F.interpolate(narrow(x), scale_factor=2.0, mode="nearest") + passed.pop())
         return x
