@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_align.mixed import reduce
+from tof_align.parts import PART
+from tof_align.system import kinds_of
 from tof_core import se3
 
 if TYPE_CHECKING:
     from tof_align.chain import Chain
+    from tof_align.discrepancy import Basis
     from tof_align.mixed import Normal
     from tof_core.arrays import Float
 
@@ -58,3 +61,19 @@ class Carry:
         rest[6:, 6:] = H[6:, 6:] - gain.T @ H[:6, 6:]
         right[6:] = b[6:] - gain.T @ (b[:6] - info[:6] * error[:6])
         return Carry(rest, right, np.eye(4), chain.hand_eye)
+
+    def with_surface_of(self, after: Basis, before: Basis, sizes: dict[str, float]) -> Carry:
+        """For other columns of surfaces and parts: what is known of the former ones is integrated out, with their prior."""
+        start = 12
+        old, new = kinds_of(before, start), kinds_of(after, start)
+        kept = [kind for kind in old if kind in new and kind != "object" and not kind.startswith(PART)]
+        stays = np.concatenate([np.arange(start), *(old[kind] for kind in kept)])
+        goes = np.setdiff1d(np.arange(len(self.b)), stays)
+        prior = np.concatenate([np.full(len(at), sizes[kind] ** -2) for kind, at in old.items() if kind not in kept] or [np.zeros(0)])
+        gain = np.linalg.solve(self.H[np.ix_(goes, goes)] + np.diag(prior), self.H[np.ix_(goes, stays)])
+        at = np.concatenate([np.arange(start), *(new[kind] for kind in kept)])
+        count = start + sum(after.shared)
+        H, b = np.zeros((count, count)), np.zeros(count)
+        H[np.ix_(at, at)] = self.H[np.ix_(stays, stays)] - self.H[np.ix_(stays, goes)] @ gain
+        b[at] = self.b[stays] - gain.T @ self.b[goes]
+        return Carry(H, b, self.base, self.hand_eye)

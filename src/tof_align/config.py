@@ -129,6 +129,11 @@ class DiscrepancyConfig:
     most_knots: int = param(60, "knots of one observable", low=4, high=1000, why="24 correlation lengths")
 
     @property
+    def live(self) -> DiscrepancyConfig:
+        """Without bounced light and the lens: a live view has no time for them, and few views distinguish them from the other kinds."""
+        return replace(self, bounces=False, lens=False)
+
+    @property
     def of_one_view(self) -> DiscrepancyConfig:
         """Without the kinds that one view cannot distinguish from errors smooth in its image: surface, parts, their light, the lens."""
         return replace(self, centres=0, parts=False, bounces=False, lens=False)

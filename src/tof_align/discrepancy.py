@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from tof_align.config import DiscrepancyConfig
     from tof_align.limits import SharedLimits
     from tof_align.linearise import Linearised
+    from tof_align.parts import Places
     from tof_core.arrays import Float
 
 SHARED = ("range", "amplitude", "object", "image", "bounce", "lens", "part")
@@ -90,8 +91,11 @@ def empty_basis() -> Basis:
     return Basis(np.zeros(0), none, np.zeros(0), none, np.zeros((0, 6)), none, 1.0, -1)
 
 
-def basis_of(views: Sequence[Linearised], config: DiscrepancyConfig, *, widen: float = 1.0) -> Basis:
-    """Columns for the ranges, amplitudes and surfaces of these views; ranges and amplitudes are extended by the factor `widen`."""
+def basis_of(views: Sequence[Linearised], config: DiscrepancyConfig, *, widen: float = 1.0, around: Sequence[Places] = ()) -> Basis:
+    """Columns for the ranges, amplitudes and surfaces of these views; ranges and amplitudes are extended by the factor `widen`.
+
+    `around`: more surfaces and parts that later views may see.
+    """
     if not config.enabled or not any(len(v.residual) for v in views):
         return empty_basis()
     ranges = np.concatenate([v.depth * v.ray_length for v in views])
@@ -101,10 +105,11 @@ def basis_of(views: Sequence[Linearised], config: DiscrepancyConfig, *, widen: f
     amplitudes = np.concatenate(known) if len(known) == len(views) else np.zeros(0)
     amplitudes = np.add.outer(amplitudes[np.isfinite(amplitudes)], 2.0 * np.log(spread)).ravel()
     knots_a, root_a = _line(amplitudes, config.amplitude, config)
-    surface = np.concatenate([_surface(v, config.object_m)[::SURFACE_STRIDE] for v in views])
+    places = [*views, *around]
+    surface = np.concatenate([_surface(p, config.object_m)[::SURFACE_STRIDE] for p in places])
     centres = farthest_points(surface, config.centres)
     inverse_root = _inverse_root(_surface_covariance(centres, centres))
-    parts = parts_of(views, config.part_share) if config.parts else no_parts()
+    parts = parts_of(places, config.part_share) if config.parts else no_parts()
     return Basis(
         knots,
         root,
@@ -159,12 +164,12 @@ def spline_entries(knots: Float, x: Float) -> tuple[NDArray[np.int32], Float]:
     return left[:, None] + np.arange(4, dtype=np.int32), values * (known / 6.0)[:, None]
 
 
-def surface_columns(basis: Basis, view: Linearised) -> NDArray[np.floating[Any]]:
+def surface_columns(basis: Basis, view: Places) -> NDArray[np.floating[Any]]:
     """(n, m) covariance of the error at each pixel with that at each centre of the surface, in single precision."""
     return _surface_covariance(_surface(view, basis.object_m), basis.centres, np.float32)
 
 
-def _surface(view: Linearised, length: float) -> Float:
+def _surface(view: Places, length: float) -> Float:
     """(n, 6) position of the surface in correlation lengths, and its normal, scaled so that 45 degrees are one length."""
     return np.concatenate([view.point / length, view.normal / CHORD_45], axis=1)
 

@@ -9,7 +9,7 @@ Multipath in a corner, a displaced part and a wrong CAD all move a part mainly a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -40,12 +40,28 @@ class PartFrames:
     radius: Float
 
 
+class Places(Protocol):
+    """Places on the CAD, such as the pixels of a view: point (n, 3), normal (n, 3), part (n,)."""
+
+    @property
+    def point(self) -> Float:
+        """Metres, cell frame."""
+
+    @property
+    def normal(self) -> Float:
+        """Of the surface, cell frame."""
+
+    @property
+    def part(self) -> Ints:
+        """Index in the scene."""
+
+
 def no_parts() -> PartFrames:
     """No part may move."""
     return PartFrames(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0))
 
 
-def parts_of(views: Sequence[Linearised], share: float) -> PartFrames:
+def parts_of(views: Sequence[Places], share: float) -> PartFrames:
     """The parts with at least this share of all pixels; none if there is only one."""
     part = np.concatenate([v.part for v in views])
     point = np.concatenate([v.point for v in views])
@@ -59,7 +75,7 @@ def parts_of(views: Sequence[Linearised], share: float) -> PartFrames:
     return PartFrames(index[kept], middle[kept], np.maximum(radius, LEAST_RADIUS_M)[kept])
 
 
-def counts(parts: PartFrames, view: Linearised) -> Mask:
+def counts(parts: PartFrames, view: Places) -> Mask:
     """(n,) pixels that may determine the cameras: not those of parts too small for columns, which would count as correctly placed."""
     return np.isin(view.part, parts.index) if len(parts.index) else np.ones(len(view.part), bool)
 

@@ -59,7 +59,7 @@ class SessionSystem(Generic[R]):
     @property
     def kinds(self) -> dict[str, Ints]:
         """Places of the columns of each shared kind among the session's unknowns."""
-        return _kinds(self.basis, self.rig.globals_)
+        return kinds_of(self.basis, self.rig.globals_)
 
     def theta_info(self, k: int) -> Float:
         """(k,) inverse prior variances of the coefficients of k extra columns."""
@@ -166,12 +166,12 @@ def assemble(grams: Iterable[Float], rig: Rig, basis: Basis | None, theta_info: 
         error=np.concatenate([error, np.zeros(m + k)]),
         own_info=np.concatenate([own_info, np.zeros(q)]),
         own_error=np.concatenate([own_error, np.zeros((views, q))], axis=1),
-        kinds=_kinds(basis, g),
+        kinds=kinds_of(basis, g),
         own_kinds=_indices(LOCAL, local_sizes, rig.own),
     )
 
 
-def _kinds(basis: Basis | None, start: int) -> dict[str, Ints]:
+def kinds_of(basis: Basis | None, start: int) -> dict[str, Ints]:
     """Places of the columns of each shared kind; every part is a kind of its own."""
     if basis is None:
         return {}

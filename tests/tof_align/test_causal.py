@@ -4,15 +4,24 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from tests.tof_align.made import CONFIG, foreign, panel, pose_error, section, session, wiggling
+from tests.tof_align.made import CONFIG, at, foreign, panel, pose_error, scene_of, section, session, wiggling
 from tof_align.causal import SessionAligner
 from tof_align.session import solve_session
 from tof_core import se3
 from tof_core.errors import TransformError
+from tof_scene.raycast import Raycaster
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tests.tof_align.made import Truth
+    from tof_core.arrays import Float
+    from tof_core.capture import Posed, View
 
 
 def test_a_pose_depends_on_the_past_alone() -> None:
@@ -135,3 +144,42 @@ def test_reset_forgets() -> None:
     first = aligner.push(views[0])
     aligner.reset()
     np.testing.assert_array_equal(aligner.push(views[0]).T_cell_camera, first.T_cell_camera)
+
+
+def squares(posed: Sequence[Posed], truth: Sequence[Truth]) -> Float:
+    """(V,) squared pose errors over their covariance: 6 in the mean if it is right."""
+    errors = [se3.log(se3.inverse(p.T_cell_camera) @ t.T_cell_camera) for p, t in zip(posed, truth, strict=True)]
+    return np.array([xi @ np.linalg.solve(p.cov_right, xi) for xi, p in zip(errors, posed, strict=True)])
+
+
+def test_a_displaced_part_neither_pulls_the_cameras_nor_makes_them_sure() -> None:
+    """The bracket stands 5 mm aside of its CAD."""
+    aside = at(0.003, 0.004, 0.0)
+    moved = [replace(p, vertices=se3.apply(aside, p.vertices)) if p.name == "bracket" else p for p in section().scene.parts]
+    cad = Raycaster(scene_of(*moved))
+    views, truth = session(section(), views=24, stations=2)
+    aligner = SessionAligner(cad, CONFIG)
+    posed = [aligner.push(v) for v in views]
+    errors = [pose_error(p.T_cell_camera, t)[0] for p, t in zip(posed, truth, strict=True)]
+    assert np.median(errors[8:]) < 1.0
+    assert np.median(squares(posed[8:], truth[8:])) < 12.0
+
+
+def test_surfaces_that_nobody_saw_before_get_columns_and_their_place_counts() -> None:
+    """The second station looks at other parts, three metres aside."""
+    far = at(0.0, 3.0, 0.0)
+    parts = section().scene.parts
+    both = Raycaster(scene_of(*parts, *(replace(p, name=f"{p.name} 2", vertices=se3.apply(far, p.vertices)) for p in parts)))
+    views, truth = session(section(), views=12, stations=2, effect=wiggling)
+    there = [v if v.station == views[0].station else beside(v, far) for v in views]
+    where = [t.T_cell_camera if v.station == views[0].station else far @ t.T_cell_camera for v, t in zip(views, truth, strict=True)]
+    aligner = SessionAligner(both, CONFIG)
+    posed = [aligner.push(v) for v in there]
+    assert all(p.accepted for p in posed)
+    assert max(1e3 * se3.distance(p.T_cell_camera, T)[0] for p, T in zip(posed, where, strict=True)) < 3.0
+
+
+def beside(view: View, far: Float) -> View:
+    """The view as taken at another place of the cell."""
+    assert view.robot is not None
+    return replace(view, robot=replace(view.robot, T_cell_body=far @ view.robot.T_cell_body))
