@@ -131,7 +131,7 @@ class SessionAligner:
     def _place(self, taken: Sample, live: Pixels, predicted: Chain) -> Posed:
         lin = linearise(live, predicted.pose(len(self._kept)), self.caster, self.config.weights)
         if len(lin.residual) < self.config.verdict.min_pixels:
-            return self._refused(predicted, f"only {len(lin.residual)} pixels see the CAD")
+            return self._refused(predicted, verdicts.FEW_PIXELS, f"only {len(lin.residual)} pixels see the CAD")
         fit = self._fit(live, predicted, lin)
         seen = self._observe(fit.chain, fit.answer)
         kept = _pin(fit, seen)
@@ -142,12 +142,11 @@ class SessionAligner:
         )
         verdict = self._judge(taken, fit, explained, information, moved, seen)
         if not verdict.accepted:
-            return self._refused(predicted, verdict.reason)
+            return self._refused(predicted, verdict.short, verdict.reason)
         self._remember(taken, moved, fit, information)
         T = moved.pose(-1)
-        return Posed(
-            T, se3.cov_fixed_axes(T, camera_cov(fit.chain, fit.answer, len(self._kept) - 1)), seen.at(T[:3, 3]), verdict=verdict.reason
-        )
+        cov = se3.cov_fixed_axes(T, camera_cov(fit.chain, fit.answer, len(self._kept) - 1))
+        return Posed(T, cov, seen.at(T[:3, 3]), verdict=verdict.reason, short=verdict.short)
 
     def _fit(self, live: Pixels, chain: Chain, lin: Linearised) -> _Fit:
         """Gauss-Newton on the new view and the window; the answer's step is not taken yet."""
@@ -237,9 +236,9 @@ class SessionAligner:
         if self._carry is not None and self._chain is not None:
             self._carry = self._carry.without_base(self._chain)
 
-    def _refused(self, chain: Chain, reason: str) -> Posed:
+    def _refused(self, chain: Chain, short: str, reason: str) -> Posed:
         T = chain.pose(-1)
-        return Posed(T, se3.cov_fixed_axes(T, _prior_cov(chain)), accepted=False, verdict=reason)
+        return Posed(T, se3.cov_fixed_axes(T, _prior_cov(chain)), accepted=False, verdict=reason, short=short)
 
 
 def _robot(taken: Sample) -> Float:
