@@ -165,10 +165,11 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
         return {"state": self.state, **(self.figures() if self.loaded else {})}
 
     def complaints(self) -> list[str]:
-        """Faults for the diagnostics; of a node that is not active, its state alone."""
+        """Faults for the diagnostics; of a node that is not active, those of its helpers and its state."""
         if self.active:
             return super().complaints()
-        return [] if self._starting else [f"{self.state}: nothing is heard until the node is activated"]
+        state = [] if self._starting else [f"{self.state}: nothing is heard until the node is activated"]
+        return [*(line for warn in self.warns for line in warn()), *state]
 
     def destroy_node(self) -> None:
         """Release files and subscriptions, then destroy the node."""
