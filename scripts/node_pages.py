@@ -29,6 +29,7 @@ class NodeText:
     fates: str = ""
 
 
+BEHIND = ", or views come faster than the node takes them (`skipped.overrun`: pushed out of its queue; the message says what to do)"
 IMAGE, INFO = "sensor_msgs/Image", "sensor_msgs/CameraInfo"
 DEPTH = Topic(
     "`depth/hand/image` (`input.depth_topic`)",
@@ -142,7 +143,8 @@ NODE_TEXTS = {
             "pose": "solved pose of the camera in the cell, with covariance; only of an accepted view, as `CAMERA_aligned` in `/tf` and `label/path` are",
         },
         figures=("scene", "raycaster", "tf_age_s", "incomplete", "verdict.NAME", "refused"),
-        warns="views have no transform, or are refused (in all of a session: the cell is elsewhere; the message says who placed it, and what to do)",
+        warns="views have no transform, or are refused (in all of a session: the cell is elsewhere; the message says who placed it, and what to do)"
+        + BEHIND,
     ),
     "infer": NodeText(
         short="corrects the depth of each frame with the trained network; uncertain pixels keep the raw depth",
@@ -191,7 +193,7 @@ NODE_TEXTS = {
             "verdict": "one status for the reference, one for the CAD: OK accepted, WARN partial, ERROR refused, with every figure as text; ends with the next release",
         },
         figures=("reference", "scene", "connected", "verdict", "tf_age_s", "incomplete"),
-        warns="there is neither a reference nor a scene",
+        warns="there is neither a reference nor a scene" + BEHIND,
     ),
     "inspect": NodeText(
         short="decides, on request, for every part: present, absent, displaced or not observable",
@@ -206,7 +208,7 @@ NODE_TEXTS = {
             "verdict": "one status per part: OK present, WARN displaced, ERROR absent, STALE not observable; its values are the figures of the verdict as text; ends with the next release"
         },
         figures=("scene", "inspected", "first_pictures", "verdict.STATE", "tf_age_s", "incomplete"),
-        warns="the last call found parts absent or displaced",
+        warns="the last call found parts absent or displaced" + BEHIND,
     ),
     "gap": NodeText(
         short="watches the gap between camera and CAD, and warns once it grows",
@@ -223,6 +225,6 @@ NODE_TEXTS = {
             "report": "JSON: `gap_mm`, `floor_mm`, `usual_mm`, `alarm` (growth is reported at 1), `views`, `state_of_gap`; ends with the next release",
         },
         figures=("scene", "dwells", "state_of_gap", "gap_mm", "floor_mm", "usual_mm", "alarm", "views", "tf_age_s", "incomplete"),
-        warns="the gap grows, or a view cannot be judged",
+        warns="the gap grows, or a view cannot be judged" + BEHIND,
     ),
 }

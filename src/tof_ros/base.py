@@ -151,11 +151,19 @@ class RoomNode(Node, Generic[C]):
         return self.create_publisher(kind, topic, profile, qos_overriding_options=options, event_callbacks=events)
 
     def input(
-        self, topic: str, kind: type[Any], take: Callable[[Any], None], profile: QoSProfile, *, frames: str | None = None
+        self,
+        topic: str,
+        kind: type[Any],
+        take: Callable[[Any], None],
+        profile: QoSProfile,
+        *,
+        frames: str | None = None,
+        about: Callable[[Any, Mapping[str, Any]], None] | None = None,
     ) -> Subscription:
         """A subscription whose QoS a user may override; a message that cannot be read is logged, and the node continues.
 
         `frames` marks the topic whose messages are the node's frames: the parameter that names another, empty where none does.
+        `about` receives each message first, with what the middleware says of it (number, time of arrival).
         """
         self.hearing.add(topic, kind, frames)
         options, events = QoSOverridingOptions.with_default_policies(), self._mismatches.of_subscription(topic)
@@ -166,7 +174,13 @@ class RoomNode(Node, Generic[C]):
             except ToftwinError as error:
                 self.get_logger().error(f"{topic}: {error}", throttle_duration_sec=5.0)
 
-        return self.create_subscription(kind, topic, guarded, profile, qos_overriding_options=options, event_callbacks=events)
+        def informed(message: Any, info: Mapping[str, Any]) -> None:
+            if about is not None:
+                about(message, info)
+            guarded(message)
+
+        callback = guarded if about is None else informed
+        return self.create_subscription(kind, topic, callback, profile, qos_overriding_options=options, event_callbacks=events)
 
     def service(self, name: str, action: Callable[[], str], *, slow: bool = False) -> None:
         """A `~/name` Trigger: its message is what `action` returns, or the one line of its error.

@@ -48,6 +48,11 @@ class Tally:
         """Count a frame without outputs."""
         self.skipped[reason] += 1
 
+    def lose(self, reason: str, frames: int) -> None:
+        """Count frames that were sent to the node and never reached it."""
+        self.seen += frames
+        self.skipped[reason] += frames
+
     def rate(self) -> float:
         """Arrivals per second over the last ten seconds, 0 when none came."""
         recent = [t for t in self._arrivals if t > time.monotonic() - 10.0]

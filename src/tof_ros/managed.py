@@ -128,11 +128,9 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
         if self.loaded:
             self.retune(config)
 
-    def input(
-        self, topic: str, kind: type[Any], take: Callable[[Any], None], profile: QoSProfile, *, frames: str | None = None
-    ) -> Subscription:
-        """A subscription that ends when the node is deactivated."""
-        self._subscribed.append(super().input(topic, kind, take, profile, frames=frames))
+    def input(self, topic: str, kind: type[Any], take: Callable[[Any], None], profile: QoSProfile, **options: Any) -> Subscription:
+        """A subscription that ends when the node is deactivated; `options` as of any node's."""
+        self._subscribed.append(super().input(topic, kind, take, profile, **options))
         return self._subscribed[-1]
 
     def timer(self, seconds: float, action: Callable[[], None]) -> Timer:

@@ -54,6 +54,8 @@ OUTPUTS = {
 """Topics under `label/`, once per view, with the stamp of its last capture."""
 SHARED = {"label/path": Path, "scene/markers": MarkerArray}
 """Latched topics for RViz: the corrected camera since the session began, and the CAD."""
+SPARE_TIME = "Or let labels have a share of a core, so that views do not wait for them (--param sim_label.live.share=0.1; ros2 run: -p live.share:=0.1)."
+"""What helps where labels take longer than views come."""
 LONGEST_PATH = 1000
 """Poses: a day of views, 60 kB a message."""
 SETTLE_TICKS = 5
@@ -99,7 +101,7 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         self._chain = self._placing.chain(live, self._scene.frame, self._scene.placed_in, on_placed)
         self._labelled = time.monotonic()
         self._path = Path(header=messages.header(0, self._cell))
-        self._feed = ViewFeed(self, self._chain, live.patience_s, self._take, self._placing.camera)
+        self._feed = ViewFeed(self, self._chain, live.patience_s, self._take, self._placing.camera, relief=SPARE_TIME)
         self._ticker = Ticker(self, self._settle, max(live.settle_s / SETTLE_TICKS, PERIOD_S))
         self._spare = SpareTime(live.share) if live.share else None
         if self._spare is not None:
