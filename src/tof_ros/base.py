@@ -39,6 +39,8 @@ C = TypeVar("C")
 
 ONE_JUMP_S = 2.0
 """`/clock`, and messages that queued before it was set back, follow late stamps of the same jump within this time (wall clock)."""
+LISTED_S = 20
+"""So long a process that was killed is listed: the lease of a participant of Fast DDS."""
 RESET, LEFT_OVER = "reset", "before the jump"
 """Why a frame has no outputs: it waited at a reset, or it was sent before the clock was set back and received after it."""
 
@@ -76,7 +78,7 @@ class RoomNode(Node, Generic[C]):
         self.hearing = Hearing(self, self.tally)
         self.helpers: list[Spinner] = []
         self._named_as_old: list[Publisher] = []
-        self.warns: list[Callable[[], list[str]]] = [self._mismatches.current]
+        self.warns: list[Callable[[], list[str]]] = [self._mismatches.current, self._namesakes]
         self.at_end: list[Callable[[], None]] = []
         self._settings = Parameters(self, config, fixed=fixed, locked=locked, on_change=self.on_config)
         self._done = self.output("done", TimeReference)
@@ -113,6 +115,14 @@ class RoomNode(Node, Generic[C]):
     def complaints(self) -> list[str]:
         """All that is wrong: what the node's helpers say (`warns`), then its own warnings."""
         return [*(line for warn in self.warns for line in warn()), *self.warnings()]
+
+    def _namesakes(self) -> list[str]:
+        """Another node of this name: whoever hears the one hears the other too."""
+        name = (self.get_name(), self.get_namespace())
+        if (number := self.get_node_names_and_namespaces().count(name)) < 2:
+            return []
+        todo = f"stop the others, or start each in a --namespace of its own (one that was killed is listed for {LISTED_S} s more)"
+        return [f"{number} nodes are named {self.get_fully_qualified_name()}: their topics, services and /tf_static are mixed; {todo}"]
 
     def destroy_node(self) -> None:
         """Finish what is open, then go."""

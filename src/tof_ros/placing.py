@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 TOPIC = "initialpose"
 """RViz's "2D Pose Estimate" publishes there."""
 
+PARAMETER = "live.initial_pose"
+ROUNDED_M, ROUNDED_DEG = 1e-3, 0.1
+"""Poses that differ by less are the same: one of them is written as text."""
+
 
 class Placing:
     """The placement of one node's cell; it outlives the sessions, which a new one begins anew.
@@ -41,6 +45,7 @@ class Placing:
         self._chain: RobotChain | None = None
         self._camera = ""
         self._again = node.create_guard_condition(node.restart)
+        node.warns.append(self._elsewhere)
 
     def chain(
         self, live: ViewOptions, cell: str, placed_in: Placement | None, on_placed: Callable[[str, str, Float], None] | None = None
@@ -50,7 +55,7 @@ class Placing:
         `cell` and `placed_in` are the scene's; `on_placed` receives the pose of the cell, once it is certain that TF does not contain it.
         """
         given = live.placement()
-        self._given, self._used = "live.initial_pose" if given else "placed_in of scene.yaml", False
+        self._given, self._used = PARAMETER if given else "placed_in of scene.yaml", False
 
         def use(parent: str, child: str, T_parent_child: Float) -> None:
             self._used = True
@@ -71,6 +76,22 @@ class Placing:
         if self._estimate is None:
             return self._given
         return f"the pose on {TOPIC}{' (of unknown height)' if self._guessed else ''}"
+
+    def _elsewhere(self) -> list[str]:
+        """TF has the cell, and elsewhere than `live.initial_pose`, which is used only where TF has none."""
+        chain = self._chain
+        if chain is None or chain.placed is None or self._used or self._given != PARAMETER or not self._camera:
+            return []
+        cell, frame = chain.cell.lstrip("/") or "cell", chain.placed.frame.lstrip("/") or self._camera
+        try:
+            T_frame_cell = chain.transforms.lookup(frame, cell, chain.transforms.latest(frame, cell))
+        except TransformError:
+            return []
+        metres, degrees = se3.distance(T_frame_cell, chain.placed.T_frame_cell)
+        if metres < ROUNDED_M and degrees < ROUNDED_DEG:
+            return []
+        todo = f"leave {PARAMETER} out, or end what publishes that transform (a static transform, another sim_label)"
+        return [f"{PARAMETER} is not used: TF has '{cell}' already, {metres:.3f} m and {degrees:.1f} deg from it; {todo}"]
 
     def camera(self, frame: str) -> None:
         """The frame of the views that come."""

@@ -171,7 +171,7 @@ def test_views_of_a_misplaced_cell_have_no_pose_and_the_diagnostics_say_why_and_
     good = bench.view()
     wait_for(lambda: heard["pose"], what="for the pose of a view that is accepted")
     assert [stamp_ns(m) for m in heard["pose"]] == [good.stamp_ns]
-    assert len(bench.node._path.poses) == 1
+    wait_for(lambda: len(bench.node._path.poses) == 1, what="for the path, which follows the pose")
     bench.observer.status("spot/sim_label", lambda s: s.level == b"\x00" and sum(k.startswith("verdict.") for k in values(s)) == 2)
 
 
@@ -205,6 +205,25 @@ def test_a_pose_drawn_in_another_frame_keeps_the_height_that_tf_carries_there(st
     bench.draw("map", drawn)
     np.testing.assert_allclose(bench.node._chain.placed.T_frame_cell, T_map_odom @ T_ODOM_CELL, atol=1e-9)
     assert not [line for line in bench.observer.log if "height of the cell unknown" in line]
+
+
+@pytest.mark.parametrize("x", [3.0, 3.4])
+def test_a_cell_that_tf_has_elsewhere_than_the_parameter_is_reported(started: Callable[..., Bench], x: float) -> None:
+    from tf2_msgs.msg import TFMessage
+
+    from tof_ros import messages, qos
+
+    bench = started(initial_pose=POSE.replace("3 ", f"{x} "))
+    static = bench.observer.node.create_publisher(TFMessage, "/tf_static", qos.LATCHED)
+    static.publish(TFMessage(transforms=[messages.transform("odom", "cell", T_ODOM_CELL)]))
+    wait_for(lambda: "cell" in bench.node._chain.transforms.frames())
+    bench.view()
+    assert bench.node._placing.source == "TF"
+    if x == 3.0:
+        assert bench.node._placing._elsewhere() == []
+    else:
+        status = bench.observer.status("spot/sim_label", lambda s: "live.initial_pose is not used" in s.message)
+        assert "TF has 'cell' already, 0.400 m and 0.0 deg from it" in status.message
 
 
 def test_nothing_is_published_if_that_is_turned_off_and_an_invalid_pose_is_reported(started: Callable[..., Bench]) -> None:
