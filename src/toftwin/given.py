@@ -67,7 +67,7 @@ def refuse_unknown(given: Mapping[str, Any], node: Addressed) -> None:
     for name in given:
         if not node.has(name):
             own = node.full_name.rpartition("/")[2]
-            todo = f"did you mean {nearest(name, node.names)}? 'toftwin node {own} --list-params' lists them"
+            todo = f"did you mean {_meant(name, node)}? 'toftwin node {own} --list-params' lists them"
             raise UsageError(f"{own} has no parameter '{name}'", where="--param", todo=todo)
 
 
@@ -124,4 +124,10 @@ def _unknown(section: Section, node: Addressed, nodes: Sequence[Addressed], else
             continue
         shared = elsewhere and section.node in ("*", "**") and not section.where.startswith("-")
         if not shared or get_close_matches(name, node.names, n=1, cutoff=MISSPELT):
-            yield f"'{name}' ({section.where}; did you mean {nearest(name, node.names)}?)"
+            yield f"'{name}' ({section.where}; did you mean {_meant(name, node)}?)"
+
+
+def _meant(name: str, node: Addressed) -> str:
+    """The one parameter that a name misspells, else the nearest ones, in words."""
+    alike = get_close_matches(name, node.names, n=1, cutoff=MISSPELT)
+    return alike[0] if alike else nearest(name, node.names)
