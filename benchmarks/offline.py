@@ -66,4 +66,5 @@ def _label_outputs(labelled: Labelled | None) -> Iterator[Output]:
     label, stamp = labelled.label, labelled.view.stamp_ns
     for name in ("depth", "sigma", "mask", "part"):
         yield Output(f"/label/{name}", stamp, getattr(label, name))
-    yield Output("/label/pose", stamp, np.concatenate([label.posed.T_cell_camera.ravel(), label.posed.cov.ravel()]))
+    if label.posed.accepted:
+        yield Output("/label/pose", stamp, np.concatenate([label.posed.T_cell_camera.ravel(), label.posed.cov.ravel()]))

@@ -201,12 +201,15 @@ def nodes_index() -> str:
         "`ROS_LOCALHOST_ONLY`, `ROS_STATIC_PEERS`, `ROS_DISCOVERY_SERVER`, `CYCLONEDDS_URI` or `ZENOH_SESSION_CONFIG_URI` is set; its first line names the range. A node logs `active, hears ...` "
         "once it has subscribed. `toftwin node --auto` subscribes to the only camera that is published, whatever the names of its topics."
     )
+    given = (
+        "ROS ignores a parameter that a node does not have. Here `toftwin node --param` refuses it; where it comes from a parameter file, `-p` or a launch file, the node warns in its log and its diagnostics, "
+        "with the nearest name. A parameter file that addresses no node of the process (`/preproc`, where the node is `/spot/preproc`) is reported too; `/**/preproc` fits every namespace. "
+        "In a launch, whose processes share their files, sections for the other nodes are no fault. Names under `qos_overrides.` are not checked."
+    )
     faults = (
         "Faults of a robot, how the nodes handle them, and the tests: [pains and faults](../pains.md). Terms: [glossary](../glossary.md)."
     )
-    return (
-        f"# Nodes\n\n{MADE}\n\n{listed}\n\n{faults}\n\n## Discovery range\n\n{reach}\n\n## Quality of service\n\n{text}\n\n{qos_table()}\n"
-    )
+    return f"# Nodes\n\n{MADE}\n\n{listed}\n\n{faults}\n\n## Discovery range\n\n{reach}\n\n## Parameters\n\n{given}\n\n## Quality of service\n\n{text}\n\n{qos_table()}\n"
 
 
 def qos_table() -> str:

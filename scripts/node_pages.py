@@ -29,6 +29,7 @@ class NodeText:
     fates: str = ""
 
 
+BEHIND = ", or views come faster than the node takes them (`skipped.overrun`: pushed out of its queue; the message says what to do)"
 IMAGE, INFO = "sensor_msgs/Image", "sensor_msgs/CameraInfo"
 DEPTH = Topic(
     "`depth/hand/image` (`input.depth_topic`)",
@@ -54,7 +55,7 @@ VIEWS = [
     Topic(
         "`initialpose`",
         "geometry_msgs/PoseWithCovarianceStamped",
-        "RViz's 2D Pose Estimate, where TF does not know the cell: in the cell's frame where the body is, in another where the cell is; without height and tilt those stay. The session begins anew",
+        "RViz's 2D Pose Estimate, where TF does not know the cell: in the cell's frame where the body is, in another where the cell is. A pose without height and tilt keeps those of `live.initial_pose`, `placed_in` or the pose before; where there is none, height 0 of that frame is assumed, with a warning. The session begins anew",
     ),
 ]
 
@@ -93,7 +94,7 @@ INPUTS = {
     "sensor": [IDEAL, IDEAL_CAMERA, ALBEDO, NORMALS, IDEAL_TEMPERATURE, SCENE_TRANSFORMS],
     "correct": [*VIEWS, COLOUR],
     "inspect": [*VIEWS, COLOUR],
-    "gap": [UNFILTERED_VIEWS, *VIEWS[1:], Topic("`label/pose`", "geometry_msgs/PoseWithCovarianceStamped", "solved pose of the camera; `sim_label` must run")],
+    "gap": [UNFILTERED_VIEWS, *VIEWS[1:], Topic("`label/pose`", "geometry_msgs/PoseWithCovarianceStamped", "solved pose of the camera; `sim_label` must run, and a view that it refuses is not judged")],
 }  # fmt: skip
 
 NODE_TEXTS = {
@@ -135,14 +136,15 @@ NODE_TEXTS = {
         outputs={
             "depth": "true depth, metres along z (32FC1)",
             "sigma": "its standard deviation, metres: pose, CAD, edges, unobservable range offset (32FC1)",
-            "mask": "255 where the label may be used for training (mono8)",
+            "mask": "1 where the label may be used for training, 0 everywhere where the view is refused (mono8)",
             "part": "index of the part in the scene, -1 none (16SC1)",
             "camera_info": "intrinsics of these rasters",
             "points": "the label as an organised cloud, with the measured amplitude as intensity where there is one; computed only while subscribed",
-            "pose": "solved pose of the camera in the cell, with covariance",
+            "pose": "solved pose of the camera in the cell, with covariance; only of an accepted view, as `CAMERA_aligned` in `/tf` and `label/path` are",
         },
-        figures=("scene", "raycaster", "tf_age_s", "incomplete", "verdict.NAME"),
-        warns="views have no transform",
+        figures=("scene", "raycaster", "tf_age_s", "incomplete", "verdict.NAME", "refused"),
+        warns="views have no transform, or are refused (in all of a session: the cell is elsewhere; the message says who placed it, and what to do)"
+        + BEHIND,
     ),
     "infer": NodeText(
         short="corrects the depth of each frame with the trained network; uncertain pixels keep the raw depth",
@@ -191,7 +193,7 @@ NODE_TEXTS = {
             "verdict": "one status for the reference, one for the CAD: OK accepted, WARN partial, ERROR refused, with every figure as text; ends with the next release",
         },
         figures=("reference", "scene", "connected", "verdict", "tf_age_s", "incomplete"),
-        warns="there is neither a reference nor a scene",
+        warns="there is neither a reference nor a scene" + BEHIND,
     ),
     "inspect": NodeText(
         short="decides, on request, for every part: present, absent, displaced or not observable",
@@ -206,7 +208,7 @@ NODE_TEXTS = {
             "verdict": "one status per part: OK present, WARN displaced, ERROR absent, STALE not observable; its values are the figures of the verdict as text; ends with the next release"
         },
         figures=("scene", "inspected", "first_pictures", "verdict.STATE", "tf_age_s", "incomplete"),
-        warns="the last call found parts absent or displaced",
+        warns="the last call found parts absent or displaced" + BEHIND,
     ),
     "gap": NodeText(
         short="watches the gap between camera and CAD, and warns once it grows",
@@ -223,6 +225,6 @@ NODE_TEXTS = {
             "report": "JSON: `gap_mm`, `floor_mm`, `usual_mm`, `alarm` (growth is reported at 1), `views`, `state_of_gap`; ends with the next release",
         },
         figures=("scene", "dwells", "state_of_gap", "gap_mm", "floor_mm", "usual_mm", "alarm", "views", "tf_age_s", "incomplete"),
-        warns="the gap grows, or a view cannot be judged",
+        warns="the gap grows, or a view cannot be judged" + BEHIND,
     ),
 }

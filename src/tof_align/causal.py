@@ -93,12 +93,12 @@ class SessionAligner:
         self._chain = self._known = self._start_ns = None
 
     def _place(self, taken: Sample, live: Pixels, predicted: Chain) -> Posed:
-        lin = linearise(live, predicted.pose(len(self._kept)), self.caster, self.config.weights)
-        if len(lin.residual) < self.config.verdict.min_pixels:
-            return self._refused(predicted, f"only {len(lin.residual)} pixels see the CAD")
-        if self._known is not None and is_new(self._known.basis, lin):
+        lin = linearise(live, predicted.pose(-1), self.caster, self.config.weights)
+        if self._known is not None and len(lin.residual) and is_new(self._known.basis, lin):
             predicted = self._looking_elsewhere(taken, lin)
             lin = linearise(live, predicted.pose(-1), self.caster, self.config.weights)
+        if len(lin.residual) < self.config.verdict.min_pixels:
+            return self._refused(predicted, verdicts.FEW_PIXELS, f"only {len(lin.residual)} pixels see the CAD")
         known = self._known or Known(basis_around(lin, self.caster, self.config))
         fit = fit_view(live, predicted, lin, self._kept, known, self.caster, self.config)
         seen = self._observe(fit.chain, fit.answer)
@@ -110,12 +110,11 @@ class SessionAligner:
         )
         verdict = self._judge(taken, fit, explained, information, moved, seen)
         if not verdict.accepted:
-            return self._refused(predicted, verdict.reason)
+            return self._refused(predicted, verdict.short, verdict.reason)
         self._remember(taken, moved, fit, known, information)
         T = moved.pose(-1)
-        return Posed(
-            T, se3.cov_fixed_axes(T, camera_cov(fit.chain, fit.answer, len(self._kept) - 1)), seen.at(T[:3, 3]), verdict=verdict.reason
-        )
+        cov = se3.cov_fixed_axes(T, camera_cov(fit.chain, fit.answer, len(self._kept) - 1))
+        return Posed(T, cov, seen.at(T[:3, 3]), verdict=verdict.reason, short=verdict.short)
 
     def _judge(
         self, taken: Sample, fit: Fit, explained: Float, information: verdicts.Information, moved: Chain, seen: Observability
@@ -185,9 +184,9 @@ class SessionAligner:
         self._known = replace(self._known, basis=basis, carry=carry, sizes=sizes)
         return self._predicted(taken)
 
-    def _refused(self, chain: Chain, reason: str) -> Posed:
+    def _refused(self, chain: Chain, short: str, reason: str) -> Posed:
         T = chain.pose(-1)
-        return Posed(T, se3.cov_fixed_axes(T, _prior_cov(chain)), accepted=False, verdict=reason)
+        return Posed(T, se3.cov_fixed_axes(T, _prior_cov(chain)), accepted=False, verdict=reason, short=short)
 
 
 def _robot(taken: Sample) -> Float:

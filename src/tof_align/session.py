@@ -155,10 +155,11 @@ def _without_session(samples: Sequence[Sample], seed: Chain, caster: Raycaster, 
     solution = _conclude(fitter, system, still, columns, seed)
     if found is not None:
         return replace(solution, posed=tuple(f.posed for f in found), verdicts=tuple(f.verdict for f in found))
-    posed = tuple(
-        replace(p, T_cell_camera=seed.pose(v), cov=se3.cov_fixed_axes(seed.pose(v), seed.prior_cov(v)), accepted=True, verdict="robot")
+    by_robot = (
+        replace(p, T_cell_camera=seed.pose(v), cov=se3.cov_fixed_axes(seed.pose(v), seed.prior_cov(v)))
         for v, p in enumerate(solution.posed)
     )
+    posed = tuple(replace(p, accepted=True, verdict="robot", short="robot") for p in by_robot)
     return replace(solution, posed=posed)
 
 
@@ -290,4 +291,5 @@ def _posed(
 ) -> Posed:
     T = chain.pose(v)
     cov = se3.cov_fixed_axes(T, system.camera_cov(answer, v) + shifts.T @ shifts)
-    return Posed(T, cov, seen[int(chain.station[v])].at(T[:3, 3]), verdict.accepted, verdict.reason, parts, apart=apart)
+    null = seen[int(chain.station[v])].at(T[:3, 3])
+    return Posed(T, cov, null, verdict.accepted, verdict.reason, parts, apart=apart, short=verdict.short)

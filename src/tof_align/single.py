@@ -124,6 +124,6 @@ def _conclude(
     verdict = verdicts.judge(before, after, T_prior, T, cov_prior, seen.names, config, disputed)
     if not verdict.accepted:
         T, cov = T_prior, prior
-    posed = Posed(T, se3.cov_fixed_axes(T, cov), seen.at(T[:3, 3]), verdict.accepted, verdict.reason)
+    posed = Posed(T, se3.cov_fixed_axes(T, cov), seen.at(T[:3, 3]), verdict.accepted, verdict.reason, short=verdict.short)
     hessian = (lin.jacobian * system.weights[0][:, None]).T @ lin.jacobian
     return ViewAlignment(posed, hessian, seen, verdict, dict(answer.sizes), system, kept)

@@ -19,6 +19,13 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
 
 
+FEW_PIXELS, FITS_NOWHERE, CONTRADICTED = "too few pixels on the CAD", "fits nowhere", "contradicted"
+FAR, NO_BETTER = "too far from the robot's pose", "no better than the robot's pose"
+"""Why a pose is refused, without numbers."""
+PARTLY, APART = "the robot's pose in part", "parts disagree"
+"""Remarks on an accepted pose, without numbers."""
+
+
 @dataclass(frozen=True, slots=True)
 class Fit:
     """Agreement of a view with the CAD at one pose.
@@ -81,12 +88,13 @@ def fit_of(view: Linearised, config: AlignConfig, offset: Float | float = 0.0) -
 class Verdict:
     """Whether a pose is accepted, with the reasons.
 
-    accepted; reason: one line; seed, fit: agreement at the robot's pose and at the answer;
+    accepted; short: the reason in a few words without numbers, by which verdicts are counted; reason: one line; seed, fit: agreement at the robot's pose and at the answer;
     step_mm, step_deg: how far the answer is from the robot's pose; step: the same in the
     robot's standard deviations (Mahalanobis over the rank, 1 is usual); null: degenerate directions in words.
     """
 
     accepted: bool
+    short: str
     reason: str
     seed: Fit
     fit: Fit
@@ -119,24 +127,33 @@ def judge(
     if cov_prior is not None:
         xi = se3.log(se3.inverse(T_seed) @ T)
         step = float(np.sqrt(xi @ np.linalg.solve(cov_prior, xi) / 6.0))
-    reason = ""
+    short = reason = ""
     if fit.pixels < limits.min_pixels:
+        short = FEW_PIXELS
         reason = f"only {fit.pixels} pixels see the CAD (at least {limits.min_pixels})"
     elif fit.support < limits.min_support:
+        short = FITS_NOWHERE
         reason = f"fits nowhere: {in_percent(fit.support)} of {fit.pixels} pixels within {limits.support_mm:g} mm of the CAD"
     elif disputed[0] < limits.min_support:
+        short = CONTRADICTED
         reason = f"of the pixels that determine how it {disputed[1]}, {in_percent(disputed[0])} agree with the CAD: a part is missing, or the pose is wrong"
     elif step > limits.max_step:
+        short = FAR
         reason = f"{metres * 1000:.0f} mm and {degrees:.1f}° from the robot's pose, {step:.1f} times what its error allows"
     elif fit.pixels * fit.support < limits.fewer * seed.pixels * seed.support and fit.score > seed.score:
+        short = NO_BETTER
         reason = f"no better than the robot's pose ({in_percent(fit.support)} against {in_percent(seed.support)} agree)"
-    accepted = not reason
-    return Verdict(accepted, reason or _praise(null, apart), seed, fit, metres * 1000, degrees, step, null)
+    if reason:
+        return Verdict(False, short, reason, seed, fit, metres * 1000, degrees, step, null)
+    short, reason = _praise(null, apart)
+    return Verdict(True, short, reason, seed, fit, metres * 1000, degrees, step, null)
 
 
-def _praise(null: tuple[str, ...], apart: str) -> str:
+def _praise(null: tuple[str, ...], apart: str) -> tuple[str, str]:
+    """Remarks on an accepted pose: in a few words, and in full."""
     open_ = "robot's pose kept where the data do not say: " + "; ".join(null) if null else ""
-    return "; ".join(filter(None, [open_, apart])) or "ok"
+    short = "; ".join(word for word, remark in ((PARTLY, open_), (APART, apart)) if remark)
+    return short or "ok", "; ".join(filter(None, [open_, apart])) or "ok"
 
 
 def disagreeing(apart: Float, std: Float, config: VerdictConfig) -> Float:

@@ -139,6 +139,8 @@ class Posed:
     """The camera with the lens estimated from the session, where that is not the stated lens."""
     apart: Float = field(default_factory=lambda: np.zeros(0))
     """(P,) metres by which each part that `verdict` names is off its CAD, 0 for the others; empty: no part is."""
+    short: str = "ok"
+    """The verdict in a few words without numbers or names of parts, by which verdicts are counted."""
 
     def seen_by(self, stated: Camera) -> Camera:
         """The camera with the estimated lens; `stated`, CameraInfo's, where no lens was estimated."""

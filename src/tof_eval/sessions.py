@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseErrors:
-    """Errors of one estimate of the poses, per view (V,): millimetres and degrees."""
+    """Errors of one estimate of the poses, per view that has one: millimetres and degrees."""
 
     name: str
     millimetres: Float
@@ -80,6 +80,6 @@ def session_errors(dataset_path: Path, truth: Mapping[str, Any], poses: Mapping[
 
 
 def pose_errors(name: str, found: Sequence[Float], true: Sequence[Float]) -> PoseErrors:
-    """Distances of poses (V, 4, 4) from the true ones."""
-    distances = np.array([se3.distance(a, b) for a, b in zip(found, true, strict=True)])
+    """Distances of poses (V, 4, 4) from the true ones; a view without a pose (NaN) is left out."""
+    distances = np.array([se3.distance(a, b) for a, b in zip(found, true, strict=True) if np.isfinite(a).all()]).reshape(-1, 2)
     return PoseErrors(name, distances[:, 0] * 1e3, distances[:, 1])

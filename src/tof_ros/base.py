@@ -39,6 +39,8 @@ C = TypeVar("C")
 
 ONE_JUMP_S = 2.0
 """`/clock`, and messages that queued before it was set back, follow late stamps of the same jump within this time (wall clock)."""
+LISTED_S = 20
+"""So long a process that was killed is listed: the lease of a participant of Fast DDS."""
 RESET, LEFT_OVER = "reset", "before the jump"
 """Why a frame has no outputs: it waited at a reset, or it was sent before the clock was set back and received after it."""
 
@@ -76,7 +78,7 @@ class RoomNode(Node, Generic[C]):
         self.hearing = Hearing(self, self.tally)
         self.helpers: list[Spinner] = []
         self._named_as_old: list[Publisher] = []
-        self.warns: list[Callable[[], list[str]]] = [self._mismatches.current]
+        self.warns: list[Callable[[], list[str]]] = [self._mismatches.current, self._namesakes]
         self.at_end: list[Callable[[], None]] = []
         self._settings = Parameters(self, config, fixed=fixed, locked=locked, on_change=self.on_config)
         self._done = self.output("done", TimeReference)
@@ -113,6 +115,14 @@ class RoomNode(Node, Generic[C]):
     def complaints(self) -> list[str]:
         """All that is wrong: what the node's helpers say (`warns`), then its own warnings."""
         return [*(line for warn in self.warns for line in warn()), *self.warnings()]
+
+    def _namesakes(self) -> list[str]:
+        """Another node of this name: whoever hears the one hears the other too."""
+        name = (self.get_name(), self.get_namespace())
+        if (number := self.get_node_names_and_namespaces().count(name)) < 2:
+            return []
+        todo = f"stop the others, or start each in a --namespace of its own (one that was killed is listed for {LISTED_S} s more)"
+        return [f"{number} nodes are named {self.get_fully_qualified_name()}: their topics, services and /tf_static are mixed; {todo}"]
 
     def destroy_node(self) -> None:
         """Finish what is open, then go."""
@@ -151,11 +161,19 @@ class RoomNode(Node, Generic[C]):
         return self.create_publisher(kind, topic, profile, qos_overriding_options=options, event_callbacks=events)
 
     def input(
-        self, topic: str, kind: type[Any], take: Callable[[Any], None], profile: QoSProfile, *, frames: str | None = None
+        self,
+        topic: str,
+        kind: type[Any],
+        take: Callable[[Any], None],
+        profile: QoSProfile,
+        *,
+        frames: str | None = None,
+        about: Callable[[Any, Mapping[str, Any]], None] | None = None,
     ) -> Subscription:
         """A subscription whose QoS a user may override; a message that cannot be read is logged, and the node continues.
 
         `frames` marks the topic whose messages are the node's frames: the parameter that names another, empty where none does.
+        `about` receives each message first, with what the middleware says of it (number, time of arrival).
         """
         self.hearing.add(topic, kind, frames)
         options, events = QoSOverridingOptions.with_default_policies(), self._mismatches.of_subscription(topic)
@@ -166,7 +184,13 @@ class RoomNode(Node, Generic[C]):
             except ToftwinError as error:
                 self.get_logger().error(f"{topic}: {error}", throttle_duration_sec=5.0)
 
-        return self.create_subscription(kind, topic, guarded, profile, qos_overriding_options=options, event_callbacks=events)
+        def informed(message: Any, info: Mapping[str, Any]) -> None:
+            if about is not None:
+                about(message, info)
+            guarded(message)
+
+        callback = guarded if about is None else informed
+        return self.create_subscription(kind, topic, callback, profile, qos_overriding_options=options, event_callbacks=events)
 
     def service(self, name: str, action: Callable[[], str], *, slow: bool = False) -> None:
         """A `~/name` Trigger: its message is what `action` returns, or the one line of its error.

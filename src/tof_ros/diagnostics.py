@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
     from rclpy.node import Node
 
+AGAIN_S = 60.0
+"""A fault that comes and goes with single frames is logged once a minute at most; the diagnostics show it each time."""
+
 
 class Tally:
     """Counts and times of the frames that pass a node; times in seconds of a monotonic clock."""
@@ -47,6 +50,11 @@ class Tally:
     def skip(self, reason: str) -> None:
         """Count a frame without outputs."""
         self.skipped[reason] += 1
+
+    def lose(self, reason: str, frames: int) -> None:
+        """Count frames that were sent to the node and never reached it."""
+        self.seen += frames
+        self.skipped[reason] += frames
 
     def rate(self) -> float:
         """Arrivals per second over the last ten seconds, 0 when none came."""
@@ -92,17 +100,21 @@ class Diagnostics:
         self._silence = silence
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", qos.OUTPUT)
         self._last_skipped = 0
-        self._logged: list[str] = []
+        self._warned: dict[str, float] = {}
+        self._silent = False
         node.create_timer(1.0, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def publish(self) -> None:
-        """Send the status now; a warning that is new is logged once."""
-        warnings, silence = self._warnings() + self._new_skips(), self._silence()
-        lines = [*warnings, *([silence] if silence else [])]
-        for warning in lines:
-            if warning.split(":")[0] not in self._logged:
+        """Send the status now; a warning is logged when it comes, and again where it was gone for `AGAIN_S`; a silence each time."""
+        warnings, silence, now = self._warnings() + self._new_skips(), self._silence(), time.monotonic()
+        if silence and not self._silent:
+            self._node.get_logger().warning(silence)
+        self._silent = bool(silence)
+        for warning in warnings:
+            kind = warning.split(":")[0]
+            if now - self._warned.get(kind, float("-inf")) > AGAIN_S:
                 self._node.get_logger().warning(warning)
-        self._logged = [w.split(":")[0] for w in lines]
+            self._warned[kind] = now
         message = DiagnosticArray(status=[self._status(warnings, silence)])
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)

@@ -15,12 +15,12 @@ class StampJoiner:
 
     A set is whole when it has all `required` parts and all `expected` ones. A set that has the
     required parts alone is given out once a newer one is whole or it has waited `patience_s`;
-    one that lacks a required part is then dropped and counted in `incomplete`; `on_incomplete` receives its stamp.
+    one that lacks a required part is then dropped and counted in `incomplete`; `on_incomplete` receives its stamp and the parts that it lacks.
     """
 
     def __init__(self, required: Iterable[str], expected: Iterable[str] = (), *, patience_s: float = 0.25, limit: int = 64) -> None:
         """At most `limit` sets wait at a time."""
-        self.on_incomplete: Callable[[int], None] = lambda _: None
+        self.on_incomplete: Callable[[int, frozenset[str]], None] = lambda _, __: None
         self._required, self._expected = frozenset(required), set(expected)
         self._patience_s, self._limit = patience_s, limit
         self._sets: dict[int, dict[str, Any]] = {}
@@ -51,7 +51,7 @@ class StampJoiner:
                 yield stamp, parts
             elif self._required & parts.keys():
                 self.incomplete += 1
-                self.on_incomplete(stamp)
+                self.on_incomplete(stamp, self._required - parts.keys())
 
     def _due(self, overdue: int, *, force: bool) -> int:
         """How many of the oldest sets leave now."""

@@ -128,11 +128,9 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
         if self.loaded:
             self.retune(config)
 
-    def input(
-        self, topic: str, kind: type[Any], take: Callable[[Any], None], profile: QoSProfile, *, frames: str | None = None
-    ) -> Subscription:
-        """A subscription that ends when the node is deactivated."""
-        self._subscribed.append(super().input(topic, kind, take, profile, frames=frames))
+    def input(self, topic: str, kind: type[Any], take: Callable[[Any], None], profile: QoSProfile, **options: Any) -> Subscription:
+        """A subscription that ends when the node is deactivated; `options` as of any node's."""
+        self._subscribed.append(super().input(topic, kind, take, profile, **options))
         return self._subscribed[-1]
 
     def timer(self, seconds: float, action: Callable[[], None]) -> Timer:
@@ -165,10 +163,11 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
         return {"state": self.state, **(self.figures() if self.loaded else {})}
 
     def complaints(self) -> list[str]:
-        """Faults for the diagnostics; of a node that is not active, its state alone."""
+        """Faults for the diagnostics; of a node that is not active, those of its helpers and its state."""
         if self.active:
             return super().complaints()
-        return [] if self._starting else [f"{self.state}: nothing is heard until the node is activated"]
+        state = [] if self._starting else [f"{self.state}: nothing is heard until the node is activated"]
+        return [*(line for warn in self.warns for line in warn()), *state]
 
     def destroy_node(self) -> None:
         """Release files and subscriptions, then destroy the node."""

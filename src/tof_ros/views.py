@@ -20,12 +20,13 @@ from tof_ros import qos
 from tof_ros.base import LEFT_OVER
 from tof_ros.interfaces import own_message
 from tof_ros.joiner import StampJoiner
+from tof_ros.overrun import OVERRUN, Numbered, Overrun, waited_s
 from tof_ros.patience import NEVER, Patience
 from tof_ros.ticker import Ticker
 from tof_ros.transforms import IDLE_REST_S, TransformListener
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from tof_core.capture import View
     from tof_core.robot import RobotChain
@@ -36,6 +37,8 @@ DWELL = "dwell" if TYPED_DWELL is None else "dwell_info"
 """The topic of the dwell; without toftwin_msgs the one that ends with the next release."""
 REQUIRED = ("depth", "sigma", "count", "reason", "camera_info", DWELL)
 KINDS = {**dict.fromkeys((*REQUIRED, "amplitude"), Image), "camera_info": CameraInfo, DWELL: TYPED_DWELL or TimeReference}
+VIEW_A_DWELL = "Let preproc send the last view of each dwell alone (--param preproc.live.view_every=0; ros2 run: -p live.view_every:=0), or lower the camera's rate."
+"""What makes fewer views, for a node that is slower than they come."""
 UNFILTERED = {name: f"unfiltered_{name}" for name in ("depth", "sigma", "count", "reason", "noise")}
 """Topics of a view without filters, by part."""
 
@@ -56,6 +59,7 @@ class ViewFeed:
         camera: Callable[[str], None],
         *,
         unfiltered: bool = False,
+        relief: str = "",
     ) -> None:
         """Subscribe.
 
@@ -66,6 +70,7 @@ class ViewFeed:
             take: called with each view, in the node's thread.
             camera: receives the frame of each view, also of a view without a transform.
             unfiltered: take the views that `preproc` accumulates without its filters, with their noise.
+            relief: what else helps where the node is slower than views come, as an imperative sentence.
         """
         self._node, self._chain, self._take, self._camera = node, chain, take, camera
         # Patience is counted in this node's own turns: one that was held up finds the missing parts in its queues.
@@ -78,11 +83,25 @@ class ViewFeed:
         self._arrivals: dict[int, float] = {}
         self._patience, self._overdue = Patience(patience_s), NEVER
         self._transforms = TransformListener(node, chain.transforms, self.advance, lambda: self._patience.oldest, idle_rest_s=IDLE_REST_S)
+        self._overrun = Overrun(qos.OUTPUT.depth, f"{VIEW_A_DWELL} {relief}".strip())
+        node.warns.append(self._overrun.warning)
         node.at_stop.append(self.close)
+        self._numbered: dict[str, Numbered] = {}
         for part in parts:
             topic = f"preproc/{topics.get(part, part)}"
-            node.input(topic, KINDS.get(part, Image), partial(self._part, part), qos.OUTPUT, frames="" if part == "depth" else None)
+            frames = "" if part == "depth" else None
+            heard = node.input(
+                topic, KINDS.get(part, Image), partial(self._part, part), qos.OUTPUT, frames=frames, about=partial(self._number, part)
+            )
+            self._numbered[part] = Numbered(partial(node.count_publishers, heard.topic_name))
         self._ticker = Ticker(node, self._tick)
+
+    def _number(self, part: str, message: Any, info: Mapping[str, Any]) -> None:
+        """Count the views whose messages were pushed out of the queue before this one."""
+        missing = self._numbered[part].take(info.get("publication_sequence_number"), stamp_ns(message))
+        if missing and part == "depth":
+            self._node.tally.lose(OVERRUN, missing)
+            self._overrun.lose(missing, waited_s(info))
 
     def _part(self, part: str, message: Any) -> None:
         stamp = stamp_ns(message)
@@ -111,10 +130,15 @@ class ViewFeed:
         if self._jump:
             self._node.jumped()
 
-    def _incomplete(self, stamp: int) -> None:
+    def _incomplete(self, stamp: int, lacking: frozenset[str]) -> None:
         self._patience.end(stamp)
-        if self._arrivals.pop(stamp, None) is not None:
-            self._node.skip(stamp, "incomplete", "not all of preproc's topics came for it")
+        if self._arrivals.pop(stamp, None) is None:  # its depth never came: counted as lost where a later one shows it
+            return
+        if any(self._numbered[part].lacks(stamp) for part in lacking):
+            self._node.skip(stamp, OVERRUN)
+            self._overrun.lose(1, 0.0)
+        else:
+            self._node.skip(stamp, "incomplete", f"no {', '.join(f'preproc/{part}' for part in sorted(lacking))} came with its stamp")
 
     def _tick(self) -> bool:
         """Give up waiting for what does not come; whether a view still waits."""
@@ -163,6 +187,7 @@ class ViewFeed:
 
     def close(self) -> None:
         """Listen to TF no more; the subscriptions are the node's."""
+        self._node.warns.remove(self._overrun.warning)
         self._node.forget_frames(self._arrivals)
         self._transforms.close()
 

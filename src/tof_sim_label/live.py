@@ -23,7 +23,7 @@ class LiveConfig(ViewOptions):
         low=0.0,
         high=1.0,
     )
-    publish_tf: bool = param(True, "publish the cell's frame (latched) if TF lacks it, and CAMERA_aligned of each view")
+    publish_tf: bool = param(True, "publish the cell's frame (latched) if TF lacks it, and CAMERA_aligned of each accepted view")
     sensor: str = param("", "sensor.yaml of the camera: its effects are removed before poses are solved; empty: nothing is known")
     record: str = param("", "folder in which ~/start_recording writes a bag of the labels")
     depth_code: str = depth_code()

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
 from concurrent.futures import ThreadPoolExecutor, wait
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -31,13 +30,14 @@ from tof_sensor.known import known_bias
 from tof_sim_label.live import LabelNodeConfig
 from tof_sim_label.spare import SpareTime
 from tof_sim_label.stream import Labelled, LabelStream, warm_up
+from tof_sim_label.verdicts import Verdicts
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
-    from tof_core.capture import View
+    from tof_core.capture import Posed, View
     from tof_ros.markers import Colour
     from tof_sim_label.label import Label
 
@@ -54,8 +54,8 @@ OUTPUTS = {
 """Topics under `label/`, once per view, with the stamp of its last capture."""
 SHARED = {"label/path": Path, "scene/markers": MarkerArray}
 """Latched topics for RViz: the corrected camera since the session began, and the CAD."""
-SKIPPED = "skipped"
-"""Verdict of a dwell without a label because `live.share` was used up."""
+SPARE_TIME = "Or let labels have a share of a core, so that views do not wait for them (--param sim_label.live.share=0.1; ros2 run: -p live.share:=0.1)."
+"""What helps where labels take longer than views come."""
 LONGEST_PATH = 1000
 """Poses: a day of views, 60 kB a message."""
 SETTLE_TICKS = 5
@@ -71,7 +71,7 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
     def __init__(self, **options: Any) -> None:
         """Nothing loaded yet."""
         super().__init__(NAME, "label", LabelNodeConfig, fixed=("live.",), **options)
-        self._verdicts: Counter[str] = Counter()
+        self._verdicts = Verdicts()
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
         self._depth = DepthOutput(self, "depth", self._outputs["depth"], lambda: self.config.live.depth_code)
         self._latched = {name: self.shared(name, kind) for name, kind in SHARED.items()}
@@ -95,13 +95,13 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
     def start(self) -> None:
         """Subscribe to `preproc` and TF; a session begins."""
         live = self.config.live
-        self._stream = LabelStream(self._caster, self.config, self._bias)
+        self._begin(self.config)
         self._frames = Frames(self) if live.publish_tf else None
         on_placed = self._frames.placed if self._frames else None
         self._chain = self._placing.chain(live, self._scene.frame, self._scene.placed_in, on_placed)
         self._labelled = time.monotonic()
         self._path = Path(header=messages.header(0, self._cell))
-        self._feed = ViewFeed(self, self._chain, live.patience_s, self._take, self._placing.camera)
+        self._feed = ViewFeed(self, self._chain, live.patience_s, self._take, self._placing.camera, relief=SPARE_TIME)
         self._ticker = Ticker(self, self._settle, max(live.settle_s / SETTLE_TICKS, PERIOD_S))
         self._spare = SpareTime(live.share) if live.share else None
         if self._spare is not None:
@@ -127,9 +127,9 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         if self._spare is None:
             self._work(view)
         elif not self._spare.take(partial(self._work, view)):
-            self._verdicts[SKIPPED] += 1
-            counts = f"{self._verdicts[SKIPPED]} of {self._verdicts.total()} dwells"
-            self.get_logger().warning(f"labels have used up live.share of a core: {counts} have none", throttle_duration_sec=60.0)
+            self.get_logger().warning(
+                f"labels have used up live.share of a core: {self._verdicts.skip()} have none", throttle_duration_sec=60.0
+            )
 
     def _work(self, view: View) -> None:
         self._warm.result()
@@ -150,11 +150,24 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
 
     def _publish(self, labelled: Labelled) -> None:
         if labelled.label is None:
-            self._verdicts["refused"] += 1
-            self.get_logger().warning(f"view {labelled.view.stamp_ns} has no label: {labelled.why}")
+            self._verdicts.refuse("refused", labelled.why)
             return
-        self._verdicts[labelled.label.posed.verdict] += 1
+        posed = labelled.label.posed
+        if posed.accepted:
+            self._verdicts.accept(posed.short)
+            self._publish_pose(labelled.view, posed)
+        else:
+            self._verdicts.refuse(posed.short, posed.verdict)
         self._publish_label(labelled.view, labelled.label)
+
+    def _publish_pose(self, view: View, posed: Posed) -> None:
+        """Where the camera is: of an accepted view alone, for a robot acts on it, and nothing in the message would tell a refused one."""
+        in_cell = messages.header(view.stamp_ns, self._cell)
+        self._outputs["pose"].publish(messages.pose(posed.T_cell_camera, posed.cov, in_cell))
+        if self._frames is not None:
+            self._frames.aligned(self._cell, view.camera.frame_id, posed.T_cell_camera, view.stamp_ns)
+        self._path.poses = [*self._path.poses[1 - LONGEST_PATH :], messages.pose_stamped(posed.T_cell_camera, in_cell)]
+        self._latched["label/path"].publish(self._path)
 
     def _publish_label(self, view: View, label: Label) -> None:
         head = messages.header(view.stamp_ns, view.camera.frame_id)
@@ -170,12 +183,6 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         self.offer(
             self._outputs["points"], lambda: messages.points(view.camera.points(label.depth).astype(np.float32), head, view.amplitude)
         )
-        in_cell = messages.header(view.stamp_ns, self._cell)
-        self._outputs["pose"].publish(messages.pose(label.posed.T_cell_camera, label.posed.cov, in_cell))
-        if self._frames is not None:
-            self._frames.aligned(self._cell, view.camera.frame_id, label.posed.T_cell_camera, view.stamp_ns)
-        self._path.poses = [*self._path.poses[1 - LONGEST_PATH :], messages.pose_stamped(label.posed.T_cell_camera, in_cell)]
-        self._latched["label/path"].publish(self._path)
         seen = (self._scene.names[n] for n in np.unique(label.part) if n >= 0)
         self._draw(dict.fromkeys(seen, GREEN if label.posed.accepted else ORANGE))
 
@@ -204,20 +211,32 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
     def retune(self, config: LabelNodeConfig) -> None:
         """Other settings begin a new session; the scene stays loaded."""
         self._finish()
+        self._begin(config)
+
+    def _begin(self, config: LabelNodeConfig) -> None:
+        """A session without a view yet."""
         self._stream = LabelStream(self._caster, config, self._bias)
+        self._verdicts.begin()
 
     def reset(self) -> str:
         """Forget the session."""
         self._finish()
         self._stream.reset()
+        self._verdicts.begin()
         self._feed.reset()
         return "the session is forgotten"
 
     def figures(self) -> Mapping[str, str]:
-        """Scene, verdicts, how old TF is."""
+        """Scene, verdicts, the newest refusal, how old TF is."""
         scene = {"scene": f"{self.config.live.scene_name} {self._scene.digest[:12]}", "raycaster": self._caster.backend}
-        verdicts = {f"verdict.{name}": str(count) for name, count in sorted(self._verdicts.items())}
-        return {**scene, **(self._feed.figures() if self.active else {}), **verdicts}
+        verdicts = {f"verdict.{name}": str(count) for name, count in sorted(self._verdicts.counts.items())}
+        newest = {"refused": self._verdicts.why} if self._verdicts.why else {}
+        return {**scene, **(self._feed.figures() if self.active else {}), **verdicts, **newest}
+
+    def warnings(self) -> list[str]:
+        """Views that are refused."""
+        refused = self._verdicts.warning(self._placing.source)
+        return [refused] if refused else []
 
 
 def make_node(**options: Any) -> LabelNode:

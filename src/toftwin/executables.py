@@ -22,6 +22,11 @@ class RosCall(GraphSpec):
 
     arguments: tuple[str, ...] = ()
 
+    @property
+    def elsewhere(self) -> tuple[str, ...]:
+        """Every node: a launch file gives one parameter file to each of its processes."""
+        return tuple(NODES)
+
     def ros_args(self) -> list[str]:
         """The text after `--ros-args`."""
         return list(self.arguments)

@@ -11,6 +11,7 @@ import threading
 import time
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -71,6 +72,11 @@ class GraphSpec:
             if name not in NODES:
                 raise UsageError(f"'{name}' is no node", where="node", todo=f"nodes are {', '.join(NODES)}")
 
+    @property
+    def elsewhere(self) -> tuple[str, ...]:
+        """Nodes that may run in other processes with the same parameter files."""
+        return ()
+
     def ros_args(self) -> list[str]:
         """ROS arguments for all nodes, as after `--ros-args`."""
         out = [a for source, target in self.remaps for a in ("-r", f"{source}:={target}")]
@@ -99,8 +105,10 @@ def run_graph(spec: GraphSpec) -> int:
     """Run the nodes in this process until SIGINT or SIGTERM; 1 if a node died."""
     one_thread()  # read when NumPy is imported, below
     keep_freed()
+    from tof_core.config import table
     from tof_ros.environment import REACH, parameter_overrides, reach, ros_context
     from tof_ros.spin import spinning
+    from toftwin.given import Addressed, refuse_unknown
 
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -108,8 +116,10 @@ def run_graph(spec: GraphSpec) -> int:
     with ros_context(spec.ros_args(), safe=spec.safe, alone=True) as context:
         nodes = []
         for name in spec.nodes:
-            overrides = parameter_overrides(spec.parameters.get(name, {}))
-            nodes.append(import_module(NODES[name]).make_node(context=context, parameter_overrides=overrides))
+            module, given = import_module(NODES[name]), spec.parameters.get(name, {})
+            refuse_unknown(given, Addressed(name, tuple(info.name for info in table(module.CONFIG))))
+            nodes.append(module.make_node(context=context, parameter_overrides=parameter_overrides(given)))
+        _warn_of_ignored(spec, nodes)
         with spinning(nodes) as spinners:
             _say(f"hears {reach(os.environ)}{HOW_TO_REACH if os.environ.get(REACH) == 'LOCALHOST' else ''}")
             begun, reported = time.monotonic(), False
@@ -122,6 +132,18 @@ def run_graph(spec: GraphSpec) -> int:
                     raise ToftwinError(troubled[0].trouble, where=troubled[0].get_name())
                 reported = reported or _say_running(nodes, time.monotonic() - begun)
     return 0
+
+
+def _warn_of_ignored(spec: GraphSpec, nodes: Sequence[Any]) -> None:
+    """Each node names, in its log and its diagnostics, what it was given in vain."""
+    from tof_core.config import table
+    from toftwin.given import Addressed, ignored, sections_of
+
+    configs = [import_module(NODES[name]).CONFIG for name in spec.nodes]
+    addressed = [Addressed(n.get_fully_qualified_name(), tuple(i.name for i in table(c))) for n, c in zip(nodes, configs, strict=True)]
+    found = ignored(sections_of(spec.ros_args()), addressed, spec.elsewhere)
+    for node in nodes:
+        node.warns.append(partial(list, found[node.get_fully_qualified_name()]))
 
 
 HOW_TO_REACH = "; ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET hears a robot on the network"

@@ -154,12 +154,13 @@ def parse_settings(cls: type[Any], pairs: Iterable[str]) -> dict[str, bool | int
         if not equals:
             raise UsageError(f"'{pair}' is not KEY=VALUE", where="--set")
         if key not in known:
-            raise ConfigError(f"unknown key '{key}'", where="--set", todo=f"did you mean {_nearest(key, known)}? --settings lists them")
+            raise ConfigError(f"unknown key '{key}'", where="--set", todo=f"did you mean {nearest(key, known)}? --settings lists them")
         out[key] = _parse(known[key].kind, text, key)
     return out
 
 
-def _nearest(key: str, known: Iterable[str]) -> str:
+def nearest(key: str, known: Iterable[str]) -> str:
+    """The known names that are most like one that is not known, in words."""
     from difflib import get_close_matches
 
     names = list(known)

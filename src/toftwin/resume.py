@@ -180,6 +180,7 @@ def _to_json(posed: Posed) -> dict[str, Any]:
         "parts": posed.parts.tolist(),
         "camera": None if posed.camera is None else asdict(posed.camera),
         "apart": posed.apart.tolist(),
+        "short": posed.short,
     }
 
 
@@ -193,4 +194,5 @@ def _from_json(values: dict[str, Any]) -> Posed:
         np.array(values["parts"]),
         None if values.get("camera") is None else camera_of(values["camera"]),
         np.array(values.get("apart", []), float),
+        values.get("short", values["verdict"]),
     )

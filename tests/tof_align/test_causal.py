@@ -87,6 +87,7 @@ def test_a_view_of_something_else_is_refused_and_teaches_nothing() -> None:
     stray = aligner.push(replace(other[3], robot=views[3].robot))
     assert not stray.accepted
     assert "fits nowhere" in stray.verdict
+    assert stray.short == "fits nowhere"
     assert pose_error(stray.T_cell_camera, truth[3])[0] < 4.0  # the views before it still say where it is
     posed = aligner.push(views[4])
     assert posed.accepted
@@ -109,7 +110,7 @@ def test_a_view_past_the_parts_is_refused_without_an_exception() -> None:
     assert aligner.push(views[0]).accepted
     refused = aligner.push(blind)
     assert not refused.accepted
-    assert refused.verdict == "only 0 pixels see the CAD"
+    assert (refused.short, refused.verdict) == ("too few pixels on the CAD", "only 0 pixels see the CAD")
     assert aligner.push(views[2]).accepted
 
 
@@ -121,6 +122,7 @@ def test_a_thin_panel_keeps_the_robots_pose_live_too() -> None:
     moved = posed.T_cell_camera[:3, 3] - views[0].robot.T_cell_camera[:3, 3]
     assert np.abs(moved[1:]).max() < 1e-4
     assert "slides along cell y" in posed.verdict
+    assert posed.short == "the robot's pose in part"
 
 
 def test_the_mode_of_the_robots_pose_gives_that_pose() -> None:

@@ -47,29 +47,36 @@ def test_a_good_fit_within_the_robots_error_is_accepted() -> None:
     T = se3.exp([0.04, 0, 0.03, 0, 0.02, 0])
     verdict = judge(BAD, GOOD, EYE, T, COV, (), CONFIG)
     assert verdict.accepted
-    assert verdict.reason == "ok"
+    assert (verdict.short, verdict.reason) == ("ok", "ok")
     assert verdict.step_mm == pytest.approx(50.0, rel=0.02)
     assert verdict.step == pytest.approx(np.sqrt((0.8**2 + 0.6**2 + np.degrees(0.02) ** 2 / 4) / 6), rel=0.02)
 
 
 @pytest.mark.parametrize(
-    ("fit", "T", "reason"),
+    ("fit", "T", "short", "reason"),
     [
-        (Fit(50, 1.0, 1e-3, 1e-3), EYE, "only 50 pixels see the CAD"),
-        (BAD, EYE, "fits nowhere: 20 % of 1000 pixels within 15 mm"),
-        (GOOD, se3.exp([0.7, 0, 0, 0, 0, 0]), "700 mm and 0.0° from the robot's pose, 5.7 times what its error allows"),
-        (Fit(1000, 0.6, 2e-3, 7e-3), EYE, "no better than the robot's pose"),
+        (Fit(50, 1.0, 1e-3, 1e-3), EYE, "too few pixels on the CAD", "only 50 pixels see the CAD"),
+        (BAD, EYE, "fits nowhere", "fits nowhere: 20 % of 1000 pixels within 15 mm"),
+        (
+            GOOD,
+            se3.exp([0.7, 0, 0, 0, 0, 0]),
+            "too far from the robot's pose",
+            "700 mm and 0.0° from the robot's pose, 5.7 times what its error allows",
+        ),
+        (Fit(1000, 0.6, 2e-3, 7e-3), EYE, "no better than the robot's pose", "no better than the robot's pose"),
     ],
 )
-def test_each_reason_to_refuse(fit: Fit, T: np.ndarray, reason: str) -> None:
+def test_each_reason_to_refuse(fit: Fit, T: np.ndarray, short: str, reason: str) -> None:
     verdict = judge(GOOD, fit, EYE, T, COV, (), CONFIG)
     assert not verdict.accepted
+    assert verdict.short == short
     assert verdict.reason.startswith(reason)
 
 
 def test_a_direction_that_most_of_its_pixels_dispute_is_refused_and_named() -> None:
     verdict = judge(GOOD, GOOD, EYE, EYE, COV, (), CONFIG, (0.3, "slides along cell y"))
     assert not verdict.accepted
+    assert verdict.short == "contradicted"
     assert verdict.reason.startswith("of the pixels that determine how it slides along cell y, 30 % agree with the CAD")
     assert judge(GOOD, GOOD, EYE, EYE, COV, (), CONFIG, (0.6, "slides along cell y")).accepted
 
@@ -93,6 +100,7 @@ def test_a_witness_counts_what_agrees_and_what_would() -> None:
 def test_open_directions_are_said_in_an_accepted_verdict() -> None:
     verdict = judge(GOOD, GOOD, EYE, EYE, COV, ("slides along cell y",), CONFIG)
     assert verdict.accepted
+    assert verdict.short == "the robot's pose in part"
     assert verdict.reason == "robot's pose kept where the data do not say: slides along cell y"
 
 

@@ -13,7 +13,7 @@ from tof_core import se3
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
 from tests.tof_inspect.test_node import written
-from tests.tof_ros.peers import Observer, wait_for
+from tests.tof_ros.peers import Observer, values, wait_for
 from tests.tof_ros.view_source import ViewSource
 
 if TYPE_CHECKING:
@@ -143,6 +143,87 @@ def test_a_pose_drawn_in_the_cell_says_where_the_body_is(started: Callable[..., 
     bench.draw("cell", se3.from_quat((0.2, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)))  # where the source's body stands
     bench.view()
     wait_for(lambda: np.allclose(bench.static["odom", "cell"], T_ODOM_CELL, atol=1e-6), what=str(bench.static))
+
+
+def test_views_of_a_misplaced_cell_have_no_pose_and_the_diagnostics_say_why_and_what_to_do(started: Callable[..., Bench]) -> None:
+    from geometry_msgs.msg import PoseWithCovarianceStamped
+    from sensor_msgs.msg import Image
+
+    from tof_core.decode import pixels, stamp_ns
+    from tof_ros import qos
+
+    bench = started(initial_pose=POSE.replace("3 -1 0.2", "2.079 -1.389 0.2"))  # 1 m away from the camera
+    heard: dict[str, list[Any]] = {"pose": [], "mask": []}
+    node = bench.observer.node
+    node.create_subscription(PoseWithCovarianceStamped, "/spot/label/pose", heard["pose"].append, qos.OUTPUT)
+    node.create_subscription(Image, "/spot/label/mask", heard["mask"].append, qos.OUTPUT)
+    wait_for(lambda: bench.node.count_subscribers("/spot/label/mask") and bench.node.count_subscribers("/spot/label/pose"))
+    view = bench.view()
+    wait_for(lambda: [stamp_ns(m) for m in heard["mask"]] == [view.stamp_ns], what="for the label")
+    assert not pixels(heard["mask"][0]).any()
+    status = bench.observer.status("spot/sim_label", lambda s: "no view fits the CAD" in s.message)
+    assert status.level == b"\x01"
+    assert "the cell is not where live.initial_pose places it: correct it, or draw the pose in RViz" in status.message
+    counted = {k: v for k, v in values(status).items() if k.startswith("verdict.")}
+    assert counted == {"verdict.too far from the robot's pose": "1"}
+    wait_for(lambda: any("no view fits the CAD" in line for line in bench.observer.log), what="for the log")
+    bench.draw("odom", T_ODOM_CELL)
+    good = bench.view()
+    wait_for(lambda: heard["pose"], what="for the pose of a view that is accepted")
+    assert [stamp_ns(m) for m in heard["pose"]] == [good.stamp_ns]
+    wait_for(lambda: len(bench.node._path.poses) == 1, what="for the path, which follows the pose")
+    bench.observer.status("spot/sim_label", lambda s: s.level == b"\x00" and sum(k.startswith("verdict.") for k in values(s)) == 2)
+
+
+def test_a_pose_without_height_where_nothing_says_how_high_the_cell_is(started: Callable[..., Bench]) -> None:
+    bench = started()
+    drawn = T_ODOM_CELL.copy()
+    drawn[2, 3] = 0.0
+    bench.draw("odom", drawn)
+    said = wait_for(lambda: [line for line in bench.observer.log if "height of the cell unknown" in line], what="for the warning")
+    assert "the scene's origin is assumed at height 0 of 'odom', not tilted" in said[0]
+    assert "pass --initial-pose 'odom: 3.000 -1.000 HEIGHT 0 0 0.1987 0.9801'" in said[0]
+    assert bench.node._placing.source == "the pose on initialpose (of unknown height)"
+    bench.draw("odom", T_ODOM_CELL)
+    bench.draw("odom", drawn)
+    assert bench.node._placing.source == "the pose on initialpose"
+    np.testing.assert_allclose(bench.node._chain.placed.T_frame_cell, T_ODOM_CELL, atol=1e-9)
+
+
+def test_a_pose_drawn_in_another_frame_keeps_the_height_that_tf_carries_there(started: Callable[..., Bench]) -> None:
+    from tf2_msgs.msg import TFMessage
+
+    from tof_ros import messages, qos
+
+    bench = started(initial_pose=POSE)
+    T_map_odom = se3.from_quat((0.0, 0.0, 0.5), (0.0, 0.0, 0.0, 1.0))
+    static = bench.observer.node.create_publisher(TFMessage, "/tf_static", qos.LATCHED)
+    static.publish(TFMessage(transforms=[messages.transform("map", "odom", T_map_odom)]))
+    bench.view()
+    drawn = T_map_odom @ T_ODOM_CELL
+    drawn[2, 3] = 0.0
+    bench.draw("map", drawn)
+    np.testing.assert_allclose(bench.node._chain.placed.T_frame_cell, T_map_odom @ T_ODOM_CELL, atol=1e-9)
+    assert not [line for line in bench.observer.log if "height of the cell unknown" in line]
+
+
+@pytest.mark.parametrize("x", [3.0, 3.4])
+def test_a_cell_that_tf_has_elsewhere_than_the_parameter_is_reported(started: Callable[..., Bench], x: float) -> None:
+    from tf2_msgs.msg import TFMessage
+
+    from tof_ros import messages, qos
+
+    bench = started(initial_pose=POSE.replace("3 ", f"{x} "))
+    static = bench.observer.node.create_publisher(TFMessage, "/tf_static", qos.LATCHED)
+    static.publish(TFMessage(transforms=[messages.transform("odom", "cell", T_ODOM_CELL)]))
+    wait_for(lambda: "cell" in bench.node._chain.transforms.frames())
+    bench.view()
+    assert bench.node._placing.source == "TF"
+    if x == 3.0:
+        assert bench.node._placing._elsewhere() == []
+    else:
+        status = bench.observer.status("spot/sim_label", lambda s: "live.initial_pose is not used" in s.message)
+        assert "TF has 'cell' already, 0.400 m and 0.0 deg from it" in status.message
 
 
 def test_nothing_is_published_if_that_is_turned_off_and_an_invalid_pose_is_reported(started: Callable[..., Bench]) -> None:

@@ -41,7 +41,8 @@ def test_labels_are_nearer_to_the_truth_than_what_was_measured(demo: Path) -> No
     from tof_virtual.truth import load_truth
     from toftwin.demo.run import live_poses
 
-    found = session_errors(demo / "dataset.zarr", load_truth(demo / "truth")[0], live_poses(demo / "graph"))
+    truth, _ = load_truth(demo / "truth")
+    found = session_errors(demo / "dataset.zarr", truth, live_poses(demo / "graph", truth["stamp_ns"]))
     mae = {name: error.mae for name, error in found.rows}
     assert mae["label against truth"] < 0.6 * mae["filtered against truth"]
     assert mae["filtered against truth"] < mae["raw against truth"]

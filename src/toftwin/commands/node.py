@@ -34,9 +34,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NODE.NAME=VALUE",
-        help="a ROS parameter, for instance preproc.preproc.sor.enable=false",
+        help="a ROS parameter, for instance preproc.preproc.sor.enable=false; a name that the node does not have is refused",
     )
-    parser.add_argument("--params-file", action="append", default=[], metavar="FILE", help="a ROS parameter file")
+    parser.add_argument(
+        "--params-file",
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="a ROS parameter file; names in it that no node here has, and a file for none of them, are reported",
+    )
     parser.add_argument("--remap", action="append", default=[], metavar="FROM:=TO", help="a topic under another name")
     parser.add_argument("--namespace", default="", help="namespace of the robot")
     parser.add_argument(

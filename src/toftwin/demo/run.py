@@ -30,7 +30,7 @@ from toftwin.pipeline import PipelineConfig
 from toftwin.replay import ReplayResult, replay
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
     from concurrent.futures import Future
     from pathlib import Path
 
@@ -92,8 +92,8 @@ def run_demo(out: Path, config: DemoConfig) -> DemoResult:
         repair = second.submit(measured, compare_methods, part, path, config)
         replayed = _timed(spent, "replay", lambda: _replay(part, path))
         labelled = _timed(spent, "label", lambda: _label(part, path))
-        poses = {"per-view ICP": labelled.others["per_view"], **live_poses(part / "graph")}
         truth, _ = load_truth(part / "truth")
+        poses = {"per-view ICP": labelled.others["per_view"], **live_poses(part / "graph", truth["stamp_ns"])}
         errors = _timed(spent, "evaluate", lambda: session_errors(part / "dataset.zarr", truth, poses))
         _timed(spent, "record the day after", lambda: later(part, scene, config, changed(scene, config)))
         simulation = second.submit(measured, replace_sensor, part, path, scene, config)  # after the diagnosis, whose sensor it takes
@@ -138,13 +138,16 @@ def _label(folder: Path, scene: Path) -> LabelResult:
         return label_bag(reader, loaded, config, folder, also=("per_view",))
 
 
-def live_poses(run: Path) -> dict[str, list[Any]]:
-    """Poses published by the graph, in the order of stamps."""
+def live_poses(run: Path, stamps: Iterable[int]) -> dict[str, list[Any]]:
+    """Poses published by the graph, one for each stamp of a view; NaN where the view was refused and has none."""
+    import numpy as np
+
     from tof_core.se3 import from_quat
     from tof_eval.runs import parts, read_run
 
-    found = sorted((stamp, parts(message)["pose"]) for (stamp, topic), message in read_run(run).items() if topic.endswith("label/pose"))
-    return {"graph, live": [from_quat(p[:3], p[3:]) for _, p in found]}
+    messages = ((stamp, parts(message)["pose"]) for (stamp, topic), message in read_run(run).items() if topic.endswith("label/pose"))
+    found = {stamp: from_quat(p[:3], p[3:]) for stamp, p in messages}
+    return {"graph, live": [found.get(int(stamp), np.full((4, 4), np.nan)) for stamp in stamps]}
 
 
 def _report(result: DemoResult, scene: Path) -> None:
