@@ -85,7 +85,7 @@ SHARED = {
 PACKED = "`depth` as image_transport compresses it (PNG or RVL, `live.depth_code`, of the inverse depth, 0.1 mm a count at 1 m, up to 10 m); computed only while subscribed"
 ACTIONS = {
     "judge": "as `~/judge`; feedback names each part as its turn comes; a cancelled goal ends before the next part",
-    "propose": "as `~/propose`, with the proposals as its result; a goal that is cancelled before the target is sent moves nothing",
+    "propose": "as `~/propose`, with the proposals as its result; a goal that is cancelled during the registration publishes nothing and moves nothing",
     "diagnose": "diagnoses the last `live.views` dwells as `toftwin gap` does a bag, in a process of its own; `out` names the folder of the report, `leave_out` effects not to consider; "
     "feedback names each step; a cancelled goal ends at once",
 }
