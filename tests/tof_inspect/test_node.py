@@ -148,7 +148,7 @@ def test_a_judgement_is_cancelled_between_two_parts(bench: Bench) -> None:
 def test_the_text_topic_names_the_typed_one_to_its_subscriber(bench: Bench) -> None:
     lines = wait_for(lambda: [line for line in bench.observer.log if "ends with the next release" in line])
     assert lines == [
-        "spot.inspect: /spot/inspect/verdict ends with the next release: subscribe to /spot/inspect/parts, which has typed fields"
+        "spot.inspect: /spot/inspect/verdict ends with the next release: let /observer hear /spot/inspect/parts, which has typed fields"
     ]
 
 
