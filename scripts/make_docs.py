@@ -77,7 +77,7 @@ TYPED = {
     "GapReport": "gap, floor, usual gap and alarm of each view; in place of `report`",
 }
 SHARED = {
-    "scene/markers": "the CAD, one marker a part: green where an accepted view saw it, orange where another did, grey otherwise; latched",
+    "scene/markers": "the CAD, one marker a part, by its pixels in the last 20 accepted views: green where they confirm it (less than 5 % contradict the CAD), orange where they contradict it in part (displaced, or partly hidden by what the CAD lacks), red where they contradict most of it (half or more: absent, displaced or hidden), blue where refused views alone show it, grey where none does; `inspect` decides which of these it is; latched",
     "label/path": "poses of the camera as the labels correct them, since the session began; latched",
     "inspect/markers": "the inspected parts: green present, orange displaced, red absent, grey not observable; latched",
     "gap/markers": "the parts by their gap: green none, red `live.red_mm` and more, grey not seen; latched, published where a colour changes",

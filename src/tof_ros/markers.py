@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 MOST_TRIANGLES = 20_000
 """Of one part: what RViz draws fluently, and 1.5 MB of message; finer meshes are drawn coarser."""
 GREY, GREEN, ORANGE, RED = (0.6, 0.6, 0.62), (0.25, 0.7, 0.35), (0.95, 0.6, 0.15), (0.85, 0.2, 0.2)
+BLUE = (0.3, 0.5, 0.9)
 SOLID, THIN = 0.95, 0.45
 """Opacity: of a part on which something was found, and of the others."""
 

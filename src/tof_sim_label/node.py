@@ -19,7 +19,7 @@ from tof_core.errors import UsageError
 from tof_ros import messages
 from tof_ros.depth_output import DepthOutput
 from tof_ros.managed import ManagedNode
-from tof_ros.markers import GREEN, ORANGE, colour, part_markers
+from tof_ros.markers import BLUE, GREEN, ORANGE, RED, colour, part_markers
 from tof_ros.patience import PERIOD_S
 from tof_ros.placing import Frames, Placing
 from tof_ros.recorder import RecordService
@@ -30,6 +30,7 @@ from tof_scene.raycast import Raycaster
 from tof_sensor.known import known_bias
 from tof_sim_label.live import LabelNodeConfig
 from tof_sim_label.spare import SpareTime
+from tof_sim_label.standing import Standing, Standings
 from tof_sim_label.stream import Labelled, LabelStream, warm_up
 
 if TYPE_CHECKING:
@@ -54,6 +55,8 @@ OUTPUTS = {
 """Topics under `label/`, once per view, with the stamp of its last capture."""
 SHARED = {"label/path": Path, "scene/markers": MarkerArray}
 """Latched topics for RViz: the corrected camera since the session began, and the CAD."""
+COLOURS = {Standing.CONFIRMED: GREEN, Standing.PARTLY: ORANGE, Standing.CONTRADICTED: RED, Standing.REFUSED: BLUE}
+"""Of the parts in `scene/markers`."""
 SKIPPED = "skipped"
 """Verdict of a dwell without a label because `live.share` was used up."""
 LONGEST_PATH = 1000
@@ -106,9 +109,10 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         self._spare = SpareTime(live.share) if live.share else None
         if self._spare is not None:
             self.at_stop.append(self._spare.close)
-        self._colours: dict[str, Colour] = {}
+        self._colours: dict[str, Colour] | None = None
         self._markers = part_markers([(part.name, part.vertices, part.faces) for part in self._scene.parts], self._cell, {})
-        self._draw({})
+        self._standings = Standings(len(self._scene.parts))
+        self._draw()
 
     def unload(self) -> None:
         """Release the scene."""
@@ -176,18 +180,18 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
             self._frames.aligned(self._cell, view.camera.frame_id, label.posed.T_cell_camera, view.stamp_ns)
         self._path.poses = [*self._path.poses[1 - LONGEST_PATH :], messages.pose_stamped(label.posed.T_cell_camera, in_cell)]
         self._latched["label/path"].publish(self._path)
-        seen = (self._scene.names[n] for n in np.unique(label.part) if n >= 0)
-        self._draw(dict.fromkeys(seen, GREEN if label.posed.accepted else ORANGE))
+        self._standings.add(view, label)
+        self._draw()
 
     @property
     def _cell(self) -> str:
         """TF frame of the cell."""
         return self._chain.cell.lstrip("/") or self._scene.frame
 
-    def _draw(self, seen: dict[str, Colour]) -> None:
-        """Publish the CAD, once and where a colour changes: green on parts of accepted views, orange on others, grey on what was not seen."""
-        colours = {**self._colours, **seen}
-        if colours != self._colours or not colours:
+    def _draw(self) -> None:
+        """Publish the CAD, once and where a colour changes: a part by its standing, grey where nothing is known of it."""
+        colours = {self._scene.names[n]: COLOURS[standing] for n, standing in self._standings.all().items()}
+        if colours != self._colours:
             self._colours = colours
             colour(self._markers, colours)
             self._latched["scene/markers"].publish(self._markers)
@@ -210,6 +214,7 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         """Forget the session."""
         self._finish()
         self._stream.reset()
+        self._standings = Standings(len(self._scene.parts))
         self._feed.reset()
         return "the session is forgotten"
 
