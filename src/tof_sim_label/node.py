@@ -13,6 +13,7 @@ import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Path
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 from tof_core.errors import UsageError
@@ -81,7 +82,8 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         self._placing = Placing(self)
         self.service("capture", self.flush)
         self.service("flush", self.flush)
-        RecordService(self, lambda: self.config.live.record, "labels", [(f"label/{name}", kind) for name, kind in OUTPUTS.items()])
+        labels = [(f"label/{name}", kind) for name, kind in OUTPUTS.items()]
+        RecordService(self, lambda: self.config.live.record, "labels", [*labels, ("/tf", TFMessage), ("/tf_static", TFMessage)])
 
     def load(self) -> None:
         """Read the scene, build its search tree."""
