@@ -87,7 +87,7 @@ ACTIONS = {
     "judge": "as `~/judge`, in a process of its own; feedback names each part as its turn comes; a cancelled goal ends at once",
     "propose": "as `~/propose`, with the proposals as its result; a goal that is cancelled during the registration publishes nothing and moves nothing",
     "diagnose": "diagnoses the last `live.views` dwells as `toftwin gap` does a bag, in a process of its own; `out` names the folder of the report, `leave_out` effects not to consider; "
-    "feedback names each step; a cancelled goal ends at once",
+    "feedback names each step with its usual share of the time, again every two seconds; a cancelled goal ends at once",
 }
 
 

@@ -6,6 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from tof_gap.steps import REPORT, with_share
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -45,8 +47,12 @@ def diagnose(task: Task, progress: Callable[[str], None]) -> dict[str, Any]:
 
     known = load_model(Path(task.sensor)) if task.sensor else None
     caster = Raycaster(open_scene(task.scene))
-    found = diagnose_session(task.views, caster, task.config, task.align, known=known, left_out=task.left_out, progress=progress)
-    progress("advice and report")
+
+    def report_step(step: str) -> None:
+        progress(with_share(step))
+
+    found = diagnose_session(task.views, caster, task.config, task.align, known=known, left_out=task.left_out, progress=report_step)
+    report_step(REPORT)
     advice = advise(found, caster)
     if not task.out:
         return report(found, caster, region_maps(found, caster), advice, kept(found, known))

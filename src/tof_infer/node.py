@@ -34,7 +34,7 @@ OUTPUTS = {"depth": Image, "sigma": Image, "camera_info": CameraInfo, "points": 
 """Topics under `infer/`. Where sigma is infinite, depth is the raw depth."""
 
 TO_FORCE = f"start with --param {NAME}.infer.force=true (ros2 run: -p infer.force:=true)"
-"""How the node is told to run a network on another camera or range."""
+"""How a user lets the node run a network on another camera or range."""
 UNHEARD_S = 1.0
 """Seconds between corrected frames while nobody is subscribed: the period of the diagnostics."""
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 VIEWS = 20
 """Accepted views that count: as many as `inspect` judges together; from one direction alone a displaced part may look right."""
 LEAST_PIXELS = 20
-"""Measured pixels of a part, of all these views, below which nothing is said of it."""
+"""Measured pixels of a part, of all these views, below which nothing is known of it."""
 SOME, MOST = 0.05, 0.5
 """Share of a part's measured pixels that contradict the CAD: that of a part in its place is below 1 %, that of an absent one above 90 %."""
 
@@ -56,7 +56,7 @@ class Standings:
         self._counts.append((self._on_parts(label, against), self._on_parts(label, agrees)))
 
     def all(self) -> dict[int, Standing]:
-        """The parts of which something can be said."""
+        """The parts of which something is known."""
         against, agrees = (sum(c, np.zeros(self._parts, np.int64)) for c in (zip(*self._counts, strict=True) if self._counts else ((), ())))
         known = against + agrees >= LEAST_PIXELS
         share = against / np.maximum(against + agrees, 1)

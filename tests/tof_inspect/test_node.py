@@ -130,7 +130,8 @@ def test_the_action_judges_step_by_step_and_the_typed_topic_has_the_same_verdict
     assert (parts["block"].tolerance, acted.result.verdict.header.frame_id) == (pytest.approx(1e-3 * 1.0), "cell")
     assert acted.steps[0].step == "poses of all views"
     assert {s.step for s in acted.steps} >= {GONE, "block"}
-    assert [(s.done, s.total) for s in acted.steps] == [(n, len(acted.steps)) for n in range(len(acted.steps))]
+    counted = list(dict.fromkeys((s.done, s.total) for s in acted.steps))  # a step that lasts is said again
+    assert counted == [(n, len(counted)) for n in range(len(counted))]
     assert [p.name for p in wait_for(lambda: typed)[-1].parts] == list(parts)
 
 
