@@ -77,17 +77,17 @@ TYPED = {
     "GapReport": "gap, floor, usual gap and alarm of each view; in place of `report`",
 }
 SHARED = {
-    "scene/markers": "the CAD, one marker a part: green where an accepted view saw it, orange where another did, grey otherwise; latched",
+    "scene/markers": "the CAD, one marker a part, by its pixels in the last 20 accepted views: green where they confirm it (less than 5 % contradict the CAD), orange where they contradict it in part (displaced, or partly hidden by what the CAD lacks), red where they contradict most of it (half or more: absent, displaced or hidden), blue where refused views alone show it, grey where none does; `inspect` decides which of these it is; latched",
     "label/path": "poses of the camera as the labels correct them, since the session began; latched",
-    "inspect/markers": "the inspected parts: green present, orange displaced, red absent, grey not observable; latched",
+    "inspect/markers": "the inspected parts: green present, orange displaced, red absent, grey not observable; in the cell's frame, or where no TF has it in the frame in which it is placed; latched",
     "gap/markers": "the parts by their gap: green none, red `live.red_mm` and more, grey not seen; latched, published where a colour changes",
 }
 PACKED = "`depth` as image_transport compresses it (PNG or RVL, `live.depth_code`, of the inverse depth, 0.1 mm a count at 1 m, up to 10 m); computed only while subscribed"
 ACTIONS = {
-    "judge": "as `~/judge`; feedback names each part as its turn comes; a cancelled goal ends before the next part",
-    "propose": "as `~/propose`, with the proposals as its result; a goal that is cancelled before the target is sent moves nothing",
+    "judge": "as `~/judge`, in a process of its own; feedback names each part as its turn comes; a cancelled goal ends at once",
+    "propose": "as `~/propose`, with the proposals as its result; a goal that is cancelled during the registration publishes nothing and moves nothing",
     "diagnose": "diagnoses the last `live.views` dwells as `toftwin gap` does a bag, in a process of its own; `out` names the folder of the report, `leave_out` effects not to consider; "
-    "feedback names each step; a cancelled goal ends at once",
+    "feedback names each step with its usual share of the time, again every two seconds; a cancelled goal ends at once",
 }
 
 

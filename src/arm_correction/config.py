@@ -50,7 +50,7 @@ class LimitConfig:
     step_deg: float = param(25.0, "largest rotation that is proposed", unit="deg", low=0.01)
     reach_m: float = param(1.4, "the hand stays within this of the body's origin", unit="m", low=0.1)
     low_m: float = param(-0.5, "the hand stays above this height of the body frame", unit="m")
-    stale_s: float = param(5.0, "a correction from an older view is refused", unit="s", low=0.01)
+    stale_s: float = param(5.0, "a correction from a view that is older when it is asked for is refused", unit="s", low=0.01)
     moved_mm: float = param(1.0, "refused if the hand has moved since the view by more than this", unit="mm", low=0.01)
     moved_deg: float = param(0.1, "or rotated by more than this", unit="deg", low=0.001)
     disagree_sigma: float = param(4.0, "two dwells disagree if they differ by more than this many of their sigmas", low=1.0)

@@ -63,7 +63,7 @@ class Correction:
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """State at the time of the proposal: age of the view in seconds, and the robot's present pose (None: not requested)."""
+    """What a proposal depends on beside the view: the view's age in seconds when it was asked for, and the robot's pose now (None: not asked)."""
 
     age_s: float = 0.0
     robot: RobotPose | None = None

@@ -89,14 +89,20 @@ class Corrector:
             self._keep(reference)
 
     def propose(
-        self, views: Sequence[View], frames: Frames | None = None, now: Callable[[], Moment] | None = None
+        self,
+        views: Sequence[View],
+        frames: Frames | None = None,
+        pose_now: Callable[[], RobotPose] | None = None,
+        *,
+        age_s: float = 0.0,
     ) -> dict[str, Correction]:
         """Target of the hand for each registration of the last view: `reference` first where there is one, then `cad`.
 
         Args:
             views: the last dwells in order of time; the one before the last must agree where the robot had not moved between.
             frames: hand-eye and the frame of the target.
-            now: returns the age of the view and the robot's pose; called after the registration, which may take a second.
+            pose_now: returns the robot's pose; called after each registration, during which the robot may have moved.
+            age_s: of the last view when the proposal was asked for, seconds; the time that the registration takes is not its age.
 
         Raises:
             RefusedError: busy; neither a reference nor CAD; a view of another camera, or an empty one; no robot pose.
@@ -108,10 +114,14 @@ class Corrector:
             if self._first is None and self._caster is None:
                 raise RefusedError("there is no reference and no scene", where="correction", todo="capture a reference first")
             out: dict[str, Correction] = {}
+
+            def moment() -> Moment:
+                return Moment(age_s, pose_now() if pose_now else None)
+
             if self._first is not None:
-                out["reference"] = self._to_reference(self._first, views, view.robot, frames, now)
+                out["reference"] = self._to_reference(self._first, views, view.robot, frames, moment)
             if self._caster is not None:
-                out["cad"] = self._to_cad(self._caster, view, view.robot, frames, now)
+                out["cad"] = self._to_cad(self._caster, view, view.robot, frames, moment)
             return out
 
     def _keep(self, reference: Reference) -> Reference:
@@ -119,27 +129,27 @@ class Corrector:
         return reference
 
     def _to_reference(
-        self, first: First, views: Sequence[View], robot: RobotPose, frames: Frames, now: Callable[[], Moment] | None
+        self, first: First, views: Sequence[View], robot: RobotPose, frames: Frames, moment: Callable[[], Moment]
     ) -> Correction:
         found, twin = first.register(views[-1], self.config), twin_of(views, self.config.limits)
         earlier = first.register(twin, self.config) if twin is not None else None
-        return self._proposed(found, robot, frames, now, earlier)
+        return self._proposed(found, robot, frames, moment, earlier)
 
-    def _to_cad(self, caster: Raycaster, view: View, robot: RobotPose, frames: Frames, now: Callable[[], Moment] | None) -> Correction:
+    def _to_cad(self, caster: Raycaster, view: View, robot: RobotPose, frames: Frames, moment: Callable[[], Moment]) -> Correction:
         wanted, priors = robot.T_cell_camera, self._align.priors
         if (first := self.reference) is not None:
             wanted = first.T_cell_body @ first.T_body_camera if first.T_cell_camera is None else first.T_cell_camera
         found = register_to_cad(
             self._clean(view, caster), caster, wanted, robot.T_cell_camera, base_mm=priors.base_mm, base_deg=priors.base_deg
         )
-        return self._proposed(found, robot, frames, now, None)
+        return self._proposed(found, robot, frames, moment, None)
 
     def _proposed(
-        self, found: Registration, robot: RobotPose, frames: Frames, now: Callable[[], Moment] | None, earlier: Registration | None
+        self, found: Registration, robot: RobotPose, frames: Frames, moment: Callable[[], Moment], earlier: Registration | None
     ) -> Correction:
         return propose(
             found, robot, self.config, T_hand_camera=frames.T_hand_camera, T_frame_body=frames.T_frame_body, frame=frames.frame,
-            earlier=earlier, moment=now() if now else None,
+            earlier=earlier, moment=moment(),
         )  # fmt: skip
 
     def _by_cad(self, view: View) -> Float | None:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 
-from arm_correction.correction import Moment
 from arm_correction.corrector import Corrector
 from arm_correction.frames import frames_of
 from arm_correction.live import CorrectNodeConfig, driver_frame
@@ -120,7 +119,7 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
         del goal
         from toftwin_msgs.action import Propose
 
-        progress.total = 2 if self.config.live.connect else 1
+        progress.total = 2
         message, proposals = self._propose(progress)
         return Propose.Result(success=proposals[0].correction.accepted, message=message, proposals=[p.message() for p in proposals])
 
@@ -128,18 +127,18 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
         """Register the last dwell, publish the correction, and send it to the arm if `live.connect` names a topic."""
         views, live = self._dwells.all(), self.config.live
         view = views[-1]
+        age_s = (self.get_clock().now().nanoseconds - view.stamp_ns) * 1e-9
         frames = frames_of(self._chain, view.camera.frame_id, view.stamp_ns, live.hand_frame, live.frame)
         target = driver_frame(frames) if live.connect else ""
         progress("register")
-        made = self._corrector.propose(views, frames, lambda: self._moment(view))
+        made = self._corrector.propose(views, frames, lambda: self._pose_now(view), age_s=age_s)
+        progress("publish")  # what is cancelled by now publishes nothing and moves nothing
         proposals = [Proposed(c, view, frames) for c in made.values()]
         chosen = proposals[0].correction
         self._publish(proposals)
         self._verdict = f"{chosen.verdict}: {chosen.reason}"
         if not chosen.accepted:
             return chosen.reason, proposals
-        if live.connect:
-            progress("send")  # what is cancelled by now moves nothing
         mm, deg = chosen.step
         sent = f"; sent to {self._command(chosen.T_frame_hand, target)}" if live.connect else ""
         return f"{chosen.verdict}: {mm:.1f} mm and {deg:.2f} deg by {chosen.by}: {chosen.reason}{sent}", proposals
@@ -151,10 +150,6 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
             raise RefusedError("stopped meanwhile, nothing was sent", where="correction", todo="activate the node and ask again")
         arm.publish(messages.pose_stamped(T_frame_hand, messages.header(self.get_clock().now().nanoseconds, target)))
         return str(arm.topic_name)
-
-    def _moment(self, view: View) -> Moment:
-        age_s = (self.get_clock().now().nanoseconds - view.stamp_ns) * 1e-9
-        return Moment(age_s, self._pose_now(view))
 
     def _pose_now(self, view: View) -> RobotPose:
         """The robot's present pose by TF; without it nothing is proposed."""

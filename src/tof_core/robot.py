@@ -103,21 +103,35 @@ class RobotChain:
         if self.placed is not None:
             self._place(cell or "cell", camera_frame)
             return cell or "cell"
+        self._received()
+        if not cell:
+            raise TransformError(
+                f"TF does not have the camera's frame '{camera_frame}'",
+                where="/tf",
+                todo=f"publish the transform to it, or let the image's header name a frame of TF (TF has {', '.join(frames)})",
+            )
         raise TransformError(
             f"TF does not have the cell frame '{cell}'" if cell not in frames else f"TF does not connect '{cell}' with '{camera_frame}'",
             where="/tf",
-            todo=f"pass --initial-pose (where the cell is) or --cell-frame (TF has {', '.join(frames) or 'no frame'})",
+            todo=f"pass --initial-pose (where the cell is) or --cell-frame (TF has {', '.join(frames)})",
         )
+
+    def _received(self) -> None:
+        """Refuse where there is no TF at all, which any other error would hide."""
+        if not self.transforms.frames():
+            todo = "publish both (and record both); where nothing moves, --initial-pose in the camera's frame does without them"
+            raise TransformError("no transform has come on /tf or /tf_static", where="TF", todo=todo)
 
     def _place(self, cell: str, camera_frame: str) -> None:
         placed = self.placed
         assert placed is not None
         frame = placed.frame.lstrip("/") or camera_frame
         if frame != camera_frame and not self.transforms.connected(frame, camera_frame):
+            self._received()
             raise TransformError(
                 f"the cell is placed in '{frame}', which TF does not connect with '{camera_frame}'",
                 where="/tf",
-                todo=f"TF has the frames: {', '.join(self.transforms.frames()) or 'none at all'}",
+                todo=f"TF has the frames: {', '.join(self.transforms.frames())}",
             )
         parent, child, T = (
             (cell, frame, se3.inverse(placed.T_frame_cell)) if self._elsewhere(cell, frame) else (frame, cell, placed.T_frame_cell)

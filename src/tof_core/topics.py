@@ -209,7 +209,10 @@ class _Finder:
         if found := self._sibling(topic):
             return found
         infos = self._of_type(INFO)
-        todo = f"pass {flag} with one of: {', '.join(infos)}" if infos else "record the camera_info topic too"
+        lacking = f"{base_topic(topic).rpartition('/')[0]}/camera_info"
+        todo = f"record {lacking} too (does the driver publish it?)"
+        if infos:
+            todo += f", or pass {flag} with the topic of this camera's calibration, one of: {', '.join(infos)}"
         raise TopicError(f"has no CameraInfo beside '{topic}'", where=self.where, todo=todo)
 
     def _sibling(self, topic: str) -> str:

@@ -22,6 +22,7 @@ from tof_gap.solve.joint import without
 from tof_gap.solve.radial import gate
 from tof_gap.solve.stray import solve_agreeing
 from tof_gap.solved import Split
+from tof_gap.steps import FIRST, HELD_OUT, TOGETHER, UNEXPLAINED
 from tof_gap.tell.account import account, without_causes
 from tof_gap.tell.contradicted import TakenOut, taken_out
 from tof_gap.tell.diagnosis import Diagnosis, doubted
@@ -84,19 +85,19 @@ def diagnose(
     check(views, config.solve.views)
     left_out = left_out | untestable.keys() | {f.name for f in given}
     few, rng = len(views) < config.solve.views, np.random.default_rng(config.evidence.seed)
-    progress("first poses: depth or distance along the ray")
+    progress(FIRST)
     begun, along_ray = gate(views, caster, config, align, asked=RadialDepth.NAME not in left_out)
     check_enough(views, along_ray, config.solve.views)
     world, begun = set_apart(begun, caster, config, align)
-    progress("poses and effects together")
+    progress(TOGETHER)
     joint, config, views, stray = solve_agreeing(begun, caster, config, frozenset(VOCABULARY) if few else left_out)
     split = dealt(joint.chain, config.solve)
-    progress("noise, loss and edges; the gap on held-out views")
+    progress(HELD_OUT)
     read = partial(account, config=config, rng=rng, along_ray=along_ray, given=given, alone=few, left_out=left_out, stated=stated)
     found, resembled = believed(joint, lambda chosen: read(conclude(chosen, views, caster, config, split, rng)), config)
     del joint, begun
     give_back()
-    progress("what no named effect explains")
+    progress(UNEXPLAINED)
     unexplained = look(found, caster.scene, config.report, config.missing, resembled)
     return Diagnosis(
         verdict(found, unexplained, config.report),

@@ -14,11 +14,12 @@ from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from tof_core import se3
+from tof_core.beside import beside
 from tof_core.decode import stamp_ns
 from tof_core.errors import RefusedError, UsageError
 from tof_core.live import Dwells
 from tof_gap.live import DiagnosisConfig, GapNodeConfig
-from tof_gap.process import Task, diagnose_beside
+from tof_gap.process import NICENESS, Task, diagnose
 from tof_gap.watch import GapWatch
 from tof_ros import messages, qos
 from tof_ros.actions import serve
@@ -156,7 +157,8 @@ class GapNode(ManagedNode[GapNodeConfig]):
         views, live = self._session.all(), self.config.live
         settings = DiagnosisConfig.load(live.settings)
         task = Task(views, live.scene, settings.gap, settings.align, live.sensor, left_out(goal.leave_out, "leave_out"), goal.out)
-        return diagnosis(diagnose_beside(task, progress, progress.check), len(views))
+        found = beside(diagnose, task, progress, progress.check, name="the diagnosis", niceness=NICENESS)
+        return diagnosis(found, len(views))
 
     def figures(self) -> Mapping[str, str]:
         """Scene, the last view's gap, how old TF is."""

@@ -1,26 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A diagnosis in a process of its own: the node continues, memory is freed afterwards, and a cancellation takes effect at once."""
+"""The diagnosis of a running session as a task for a process of its own."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any
 
-from tof_core.errors import RefusedError, ToftwinError
+from tof_gap.steps import REPORT, with_share
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from multiprocessing.connection import Connection
 
     from tof_align.config import AlignConfig
     from tof_core.capture import View
     from tof_gap.config import GapConfig
 
-PERIOD_S = 0.2
-"""Period at which a cancellation is checked."""
 NICENESS = 5
-"""On a busy host, the graph's frames have priority."""
+"""On a busy host, the graph's frames have priority over a diagnosis of minutes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,63 +32,8 @@ class Task:
     out: str
 
 
-def diagnose_beside(task: Task, progress: Callable[[str], None], check: Callable[[], None]) -> dict[str, Any]:
-    """Diagnose; gives the content of gap.json.
-
-    Args:
-        task: the session.
-        progress: called with the name of each step.
-        check: called a few times a second; what it raises ends the diagnosis.
-
-    Raises:
-        RefusedError: as `diagnose`, or the process died.
-    """
-    # Spawned, since the threads that Embree, Numba and DDS have started here do not survive a fork.
-    context = get_context("spawn")
-    ours, theirs = context.Pipe()
-    process = context.Process(target=_serve, args=(theirs,), daemon=True)
-    process.start()
-    theirs.close()
-    try:
-        ours.send(task)
-        while True:
-            while not ours.poll(PERIOD_S):
-                check()
-            kind, content = ours.recv()
-            if kind == "step":
-                progress(content)
-            elif kind == "refused":
-                what, where, todo = content
-                raise RefusedError(what, where=where, todo=todo)
-            else:
-                return dict(content)
-    except (EOFError, OSError):
-        process.join()
-        raise RefusedError(
-            f"the process of the diagnosis ended with {process.exitcode}", where="gap", todo="see dmesg where memory ran out (-9)"
-        ) from None
-    finally:
-        ours.close()
-        process.terminate()
-        process.join()
-
-
-def _serve(line: Connection[Any, Any]) -> None:
-    """The other process: one task."""
-    import os
-
-    from tof_core.cores import one_thread
-
-    os.nice(NICENESS)
-    one_thread()  # Before NumPy is imported, with the task.
-    task: Task = line.recv()
-    try:
-        line.send(("done", _content(task, lambda step: line.send(("step", step)))))
-    except ToftwinError as error:
-        line.send(("refused", (error.what, str(error.where), error.todo)))
-
-
-def _content(task: Task, progress: Callable[[str], None]) -> dict[str, Any]:
+def diagnose(task: Task, progress: Callable[[str], None]) -> dict[str, Any]:
+    """The content of gap.json; `progress` is called with the name of each step."""
     from pathlib import Path
 
     from tof_gap.advice import advise
@@ -106,8 +47,12 @@ def _content(task: Task, progress: Callable[[str], None]) -> dict[str, Any]:
 
     known = load_model(Path(task.sensor)) if task.sensor else None
     caster = Raycaster(open_scene(task.scene))
-    found = diagnose_session(task.views, caster, task.config, task.align, known=known, left_out=task.left_out, progress=progress)
-    progress("advice and report")
+
+    def report_step(step: str) -> None:
+        progress(with_share(step))
+
+    found = diagnose_session(task.views, caster, task.config, task.align, known=known, left_out=task.left_out, progress=report_step)
+    report_step(REPORT)
     advice = advise(found, caster)
     if not task.out:
         return report(found, caster, region_maps(found, caster), advice, kept(found, known))

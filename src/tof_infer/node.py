@@ -33,6 +33,8 @@ NAME = "infer"
 OUTPUTS = {"depth": Image, "sigma": Image, "camera_info": CameraInfo, "points": PointCloud2}
 """Topics under `infer/`. Where sigma is infinite, depth is the raw depth."""
 
+TO_FORCE = f"start with --param {NAME}.infer.force=true (ros2 run: -p infer.force:=true)"
+"""How a user lets the node run a network on another camera or range."""
 UNHEARD_S = 1.0
 """Seconds between corrected frames while nobody is subscribed: the period of the diagnostics."""
 
@@ -74,7 +76,7 @@ class InferNode(ManagedNode[InferNodeConfig]):
 
     def load(self) -> None:
         """Read the network."""
-        self._session = Session(self.config.infer)
+        self._session = Session(self.config.infer, to_force=TO_FORCE)
 
     def start(self) -> None:
         """Subscribe; topics are spot_ros2's by default, relative and remappable."""

@@ -55,12 +55,16 @@ def model_path(model: str) -> Path:
 class Session:
     """Runs one network. Buffers are reused: one frame at a time.
 
+    Args:
+        config: the network and its limits.
+        to_force: how its user asks for `infer.force`, as its refusals say it.
+
     Raises:
         ModelError: no file, damaged, too large, not made by `toftwin train`, or with other inputs than its card lists.
     """
 
-    def __init__(self, config: InferConfig | None = None) -> None:
-        self.config = config or InferConfig()
+    def __init__(self, config: InferConfig | None = None, *, to_force: str = "pass --force") -> None:
+        self.config, self._to_force = config or InferConfig(), to_force
         self.path = model_path(self.config.model)
         self._session = _load(self.path, self.config)
         self.card = _checked_card(self._session, self.path)
@@ -88,7 +92,7 @@ class Session:
             raise RefusedError(
                 f"the model was made for another camera: {difference}",
                 where=self.path.name,
-                todo="train one for this camera, or pass --force and check with toftwin evaluate",
+                todo=f"train one for this camera, or {self._to_force} and check with toftwin evaluate",
             )
         size = padded_size(camera.shape, self.card.multiple)
         self._camera = camera
@@ -148,7 +152,7 @@ class Session:
             raise RefusedError(
                 f"the frame is {middle:.2f} m away, the model was trained on {low:.2f} to {high:.2f} m",
                 where=self.path.name,
-                todo="train on such ranges, or pass --force and check with toftwin evaluate",
+                todo=f"train on such ranges, or {self._to_force} and check with toftwin evaluate",
             )
 
 

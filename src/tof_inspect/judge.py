@@ -11,7 +11,7 @@ import numpy as np
 from tof_align.config import AlignConfig
 from tof_align.known import known_removed
 from tof_align.session import solve_session
-from tof_core.errors import RefusedError, SceneError
+from tof_core.errors import RefusedError
 from tof_inspect.colour import Colours, Picture
 from tof_inspect.config import InspectConfig
 from tof_inspect.displaced import Fit, fit_part
@@ -19,7 +19,7 @@ from tof_inspect.evidence import Evidence, Ratios, agreement, see, weigh
 from tof_inspect.place import JUDGED_PLACE, UNSEEN_TODO, Place, place_of
 from tof_inspect.reference import ReferenceSession, Standing
 from tof_inspect.shared import Left, PosesAlone, SessionErrors
-from tof_inspect.without import Split
+from tof_inspect.without import Split, inspected
 from tof_scene.raycast import Raycaster
 from tof_scene.scene import Scene
 
@@ -98,9 +98,7 @@ class Inspector:
         self.first, self._bias = tuple(first), bias
         self.standing: ReferenceSession | None = None
         self.caster, self.config, self.align, self.scene = caster, config or InspectConfig(), align or AlignConfig(), caster.scene
-        self.names = tuple(part.name for part in self.scene.parts if part.inspect)
-        if not self.names:
-            raise SceneError("no part has `inspect: true`", where=self.scene.folder, todo="mark the parts to inspect in scene.yaml")
+        self.names = inspected(self.scene)
         self._split = Split(self.scene)
         self._alone: dict[str, Raycaster] = {}
 

@@ -3,18 +3,19 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from visualization_msgs.msg import MarkerArray
 
+from tof_core.beside import beside
 from tof_core.errors import RefusedError, UsageError
 from tof_core.live import Dwells
 from tof_inspect.colour import Picture
-from tof_inspect.judge import Inspector
 from tof_inspect.live import InspectNodeConfig
-from tof_inspect.report import write
+from tof_inspect.process import Task, judge
+from tof_inspect.without import inspected
 from tof_ros import messages
 from tof_ros.actions import quiet, serve
 from tof_ros.colour import ColourFeed
@@ -24,12 +25,12 @@ from tof_ros.markers import GREEN, GREY, ORANGE, RED, part_markers
 from tof_ros.placing import Placing
 from tof_ros.views import ViewFeed
 from tof_scene.builtin import open_scene
-from tof_scene.raycast import Raycaster
 from tof_sensor.known import known_bias
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from tof_core.arrays import Float
     from tof_inspect.judge import Inspection, PartVerdict
     from tof_ros.actions import Progress
 
@@ -65,7 +66,7 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         self._counts: dict[str, int] = {}
         self._placing = Placing(self)
         self.service("capture_reference", self._capture, slow=True)
-        self.service("judge", lambda: self._judge(quiet)[0], slow=True)
+        self.service("judge", lambda: self._judge()[0], slow=True)
         serve(self, "judge", ACTIONS["judge"], self._answer)
 
     def load(self) -> None:
@@ -73,23 +74,27 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         live = self.config.live
         if not live.scene:
             raise UsageError("no scene given", where=NAME, todo="start it with --scene, or -p live.scene:=FILE")
-        self._inspector = Inspector(Raycaster(open_scene(live.scene)), self.config.inspect, self.config.align, bias=known_bias(live.sensor))
+        self._scene, self._bias = open_scene(live.scene), known_bias(live.sensor)
+        self._names = inspected(self._scene)
+        self._first: tuple[Picture, ...] = ()
 
     def start(self) -> None:
         """Subscribe to `preproc` and TF."""
-        live, scene = self.config.live, self._inspector.scene
-        chain = self._placing.chain(live, scene.frame, scene.placed_in)
+        live, scene = self.config.live, self._scene
+        self._drawn_in: tuple[str, Float | None] = (live.cell_frame.lstrip("/") or scene.frame, None)
+        chain = self._placing.chain(live, scene.frame, scene.placed_in, self._placed)
         self._dwells = Dwells(live.views)
         colour = ColourFeed(self, chain, live)
         self._feed = ViewFeed(self, chain, live.patience_s, lambda view: self._dwells.add(colour.beside(view)), self._placing.camera)
 
+    def _placed(self, parent: str, child: str, T_parent_child: Float) -> None:
+        """TF lacks the cell: where `sim_label` does not publish it, the markers are drawn in the frame in which it is placed."""
+        if child == self._drawn_in[0]:
+            self._drawn_in = parent, T_parent_child
+
     def unload(self) -> None:
         """Release the scene."""
-        del self._inspector
-
-    def retune(self, config: InspectNodeConfig) -> None:
-        """Use other thresholds from the next judgement on."""
-        self._inspector.config = config.inspect
+        del self._scene, self._bias, self._first
 
     def reset(self) -> str:
         """Discard the dwells."""
@@ -99,12 +104,12 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
 
     def _capture(self) -> str:
         """Store the current images as reference images of the complete scene."""
-        found = self._inspector.judge(self._dwells.all())
+        found, _ = self._judged()
         pictures = [Picture.of(v.colour, p.T_cell_camera) for v, p in zip(found.views, found.posed, strict=True) if p.accepted]
         first = tuple(p for p in pictures if p is not None)
         if not first:
             raise RefusedError("no dwell has a colour image with calibration and TF", where=NAME, todo="is live.colour_topic published?")
-        self._inspector.first = first
+        self._first = first
         return f"{len(first)} reference images in colour"
 
     def _answer(self, goal: Any, progress: Progress) -> Any:
@@ -112,45 +117,52 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         del goal
         from toftwin_msgs.action import Judge
 
-        progress.total = 1 + len(self._inspector.names)
-        message, found = self._judge(progress)
+        progress.total = 1 + len(self._names)
+        message, found = self._judge(progress, progress.check)
         return Judge.Result(success=True, message=message, verdict=self._typed(found))
 
-    def _judge(self, progress: Callable[[str], None]) -> tuple[str, Inspection]:
-        """Judge every part now."""
-        found = self._inspector.judge(self._dwells.all(), progress)
+    def _judged(
+        self, progress: Callable[[str], None] = quiet, check: Callable[[], None] = lambda: None, out: str = ""
+    ) -> tuple[Inspection, str]:
+        """The verdicts on every part now, and the page of their report in the folder `out`; computed beside the node."""
+        views, config = self._dwells.all(), self.config
+        task = Task(views, config.live.scene, config.inspect, config.align, self._bias, self._first, out)
+        found, page = beside(judge, task, progress, check, name="the judgement")
+        return replace(found, views=views), page
+
+    def _judge(self, progress: Callable[[str], None] = quiet, check: Callable[[], None] = lambda: None) -> tuple[str, Inspection]:
+        """Judge every part now, and publish the verdicts."""
+        found, page = self._judged(progress, check, self.config.live.out)
         states = [v.state for v in found.verdicts]
         self._counts = {state: states.count(state) for state in LEVELS}
         self._publish(found)
         counts = ", ".join(f"{count} {state.replace('_', ' ')}" for state, count in self._counts.items())
-        out = self.config.live.out
-        page = write(self._inspector, found, Path(out), "live") if out else None
         return f"{counts} from {len(found.views)} views" + (f"; report: {page}" if page else ""), found
 
     def _publish(self, found: Inspection) -> None:
-        head = messages.header(found.views[-1].stamp_ns, self._inspector.scene.frame)
+        scene = self._scene
+        head = messages.header(found.views[-1].stamp_ns, scene.frame)
         statuses = [_status(v) for v in found.verdicts]
         self.offer(self._outputs["verdict"], lambda: DiagnosticArray(header=head, status=statuses), now="parts")
         self.offer(self._parts, lambda: self._typed(found))
-        scene = self._inspector.scene
         parts = [(p.name, p.vertices, p.faces) for p in (scene.part(v.name) for v in found.verdicts)]
-        cell = self.config.live.cell_frame.lstrip("/") or scene.frame
         colours = {v.name: COLOURS[v.state] for v in found.verdicts}
-        self._latched["inspect/markers"].publish(part_markers(parts, cell, colours, space="inspect"))
+        frame, T_frame_cell = self._drawn_in
+        self._latched["inspect/markers"].publish(part_markers(parts, frame, colours, T_frame_cell=T_frame_cell, space="inspect"))
 
     def _typed(self, found: Inspection) -> Any:
         """The verdicts as a message."""
         from tof_ros.results import inspection
 
-        return inspection(found.verdicts, found.views, found.colour, self._inspector.scene.frame)
+        return inspection(found.verdicts, found.views, found.colour, self._scene.frame)
 
     def figures(self) -> Mapping[str, str]:
         """Scene, last verdicts, age of TF."""
-        scene = self._inspector.scene
+        scene = self._scene
         return {
             "scene": f"{self.config.live.scene_name} {scene.digest[:12]}",
-            "inspected": str(len(self._inspector.names)),
-            "first_pictures": str(len(self._inspector.first)),
+            "inspected": str(len(self._names)),
+            "first_pictures": str(len(self._first)),
             **{f"verdict.{state}": str(count) for state, count in self._counts.items()},
             **(self._feed.figures() if self.active else {}),
         }

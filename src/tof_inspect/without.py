@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core.errors import SceneError
 from tof_scene.raycast import Raycaster
 
 if TYPE_CHECKING:
@@ -20,6 +21,18 @@ STEP_M = 1e-6
 """Distance behind a face of the removed part at which a ray continues, metres."""
 MOST = 32
 """Most faces of one part that a ray crosses."""
+
+
+def inspected(scene: Scene) -> tuple[str, ...]:
+    """Names of the parts that are inspected, at least one.
+
+    Raises:
+        SceneError: the scene marks none.
+    """
+    names = tuple(part.name for part in scene.parts if part.inspect)
+    if not names:
+        raise SceneError("no part has `inspect: true`", where=scene.folder, todo="mark the parts to inspect in scene.yaml")
+    return names
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -28,7 +28,7 @@ class LiveConfig:
         high=256,
     )
     keep_tf_s: float = param(30.0, "length of the TF history that is kept", unit="s", low=1.0, high=3600.0)
-    record: str = param("", "folder in which ~/start_recording writes a bag of the raw topics")
+    record: str = param("", "folder in which ~/start_recording writes a bag of the raw topics, those of the colour camera and TF too")
     depth_code: str = depth_code()
 
 
@@ -50,6 +50,12 @@ def input_topics(options: BagOptions) -> Topics:
         amplitude=_wanted(options.amplitude_topic, "ir/hand/image"),
         temperature=_wanted(options.temperature_topic, "hand/temperature"),
     )
+
+
+def colour_topics(options: BagOptions) -> tuple[str, str]:
+    """Image and calibration of the colour camera, which preproc records beside the depth and does not use; empty where not wanted."""
+    image = _wanted(options.colour_topic, "camera/hand/image")
+    return image, options.colour_info_topic or (f"{base_topic(image).rpartition('/')[0]}/camera_info" if image else "")
 
 
 def _wanted(name: str, default: str) -> str:

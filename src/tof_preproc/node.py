@@ -17,7 +17,7 @@ from tof_core.decode import stamp_ns
 from tof_core.options import NOT_WANTED
 from tof_core.tf import TransformBuffer
 from tof_preproc.config import stages_of
-from tof_preproc.live import PreprocNodeConfig, input_topics
+from tof_preproc.live import PreprocNodeConfig, colour_topics, input_topics
 from tof_preproc.preprocessor import warm_up
 from tof_preproc.stream import ACCUMULATED, KEPT, PreprocStream, Processed
 from tof_ros import messages, qos
@@ -95,8 +95,9 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
 
     def _raw_topics(self) -> list[tuple[str, type[Any]]]:
         t = self._topics
-        images = [(name, messages.image_class(name)) for name in (t.depth, t.amplitude)]
-        raw = [*images, (t.points, PointCloud2), (t.info, CameraInfo), (t.temperature, Temperature)]
+        colour, colour_info = colour_topics(self.config.input)
+        images = [(name, messages.image_class(name)) for name in (t.depth, t.amplitude, colour)]
+        raw = [*images, (t.points, PointCloud2), (t.info, CameraInfo), (colour_info, CameraInfo), (t.temperature, Temperature)]
         return [(name, kind) for name, kind in raw if name] + [("/tf", TFMessage), ("/tf_static", TFMessage)]
 
     def _subscribe(self) -> None:

@@ -23,6 +23,10 @@ def quiet(step: str) -> None:
     del step
 
 
+BEAT_S = 2.0
+"""A step that lasts says so again after this time: a client sees that the work goes on."""
+
+
 class Cancelled(Exception):  # noqa: N818  (no error: the client asked for it)
     """The client cancelled the goal."""
 
@@ -37,6 +41,7 @@ class Progress:
         """`feedback` makes an empty feedback message; `stopped` gives the reason why the work must end, empty while it need not."""
         self._goal, self._feedback, self._stopped = goal, feedback, stopped
         self._done, self._began = 0, time.monotonic()
+        self._sent = self._began
         self.step, self.total = "start", 0
 
     def __call__(self, step: str) -> None:
@@ -47,21 +52,26 @@ class Progress:
             RefusedError: the node was deactivated.
         """
         self.check()
-        message = self._feedback()
-        message.step = self.step = step
+        self.step, self._done = step, self._done + 1
+        self._send()
+
+    def _send(self) -> None:
+        message, self._sent = self._feedback(), time.monotonic()
+        message.step = self.step
         if hasattr(message, "seconds"):
-            message.seconds = time.monotonic() - self._began
+            message.seconds = self._sent - self._began
         else:
-            message.done, message.total = self._done, self.total
-        self._done += 1
+            message.done, message.total = self._done - 1, self.total
         self._goal.publish_feedback(message)
 
     def check(self) -> None:
-        """End the work where it was cancelled or the node was deactivated; for loops within a step."""
+        """End the work where it was cancelled or the node was deactivated; for loops within a step, which also says the step again."""
         if self._goal.is_cancel_requested:
             raise Cancelled
         if why := self._stopped():
             raise RefusedError(why, where=self.step, todo="activate the node and ask again")
+        if self._done and time.monotonic() - self._sent > BEAT_S:
+            self._send()
 
 
 def serve(node: ManagedNode[Any], name: str, kind: str, work: Callable[[Any, Progress], Any]) -> None:

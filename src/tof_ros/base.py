@@ -20,9 +20,11 @@ from tof_core.errors import RefusedError, ToftwinError
 from tof_core.jump import JUMP_NS
 from tof_ros import messages, qos
 from tof_ros.diagnostics import Diagnostics, Tally
+from tof_ros.ending import Endings
 from tof_ros.hearing import Hearing
 from tof_ros.interfaces import MISSING, own_message
 from tof_ros.mismatch import Mismatches
+from tof_ros.news import News
 from tof_ros.parameters import Parameters
 
 if TYPE_CHECKING:
@@ -77,7 +79,7 @@ class RoomNode(Node, Generic[C]):
         self._mismatches = Mismatches(self)
         self.hearing = Hearing(self, self.tally)
         self.helpers: list[Spinner] = []
-        self._named_as_old: list[Publisher] = []
+        self._endings, self._news = Endings(self), News()
         self.warns: list[Callable[[], list[str]]] = [self._mismatches.current, self._namesakes]
         self.at_end: list[Callable[[], None]] = []
         self._settings = Parameters(self, config, fixed=fixed, locked=locked, on_change=self.on_config)
@@ -145,14 +147,12 @@ class RoomNode(Node, Generic[C]):
     def offer(self, publisher: Publisher | None, make: Callable[[], Any], *, now: str = "") -> None:
         """Publish what `make` returns, which is made only while somebody is subscribed.
 
-        `now` names the typed topic that takes this one's place: a topic that stays for one release says so to its first subscriber.
+        `now` names the typed topic that takes this one's place: a topic that stays for one release says so to its subscriber.
         """
         if publisher is None or not publisher.get_subscription_count():
             return
-        if now and publisher not in self._named_as_old:
-            self._named_as_old.append(publisher)
-            old, new = publisher.topic_name, self.resolve_topic_name(f"{self.room}/{now}")
-            self.get_logger().warning(f"{old} ends with the next release: subscribe to {new}, which has typed fields")
+        if now:
+            self._endings.tell(publisher, self.resolve_topic_name(f"{self.room}/{now}"))
         publisher.publish(make())
 
     def shared(self, topic: str, kind: type[Any], profile: QoSProfile = qos.LATCHED) -> Publisher:
@@ -245,11 +245,11 @@ class RoomNode(Node, Generic[C]):
         self.answer(stamp_ns, fate)
 
     def skip(self, stamp_ns: int, reason: str, why: str = "") -> None:
-        """A frame has no outputs: count it, say why (a reason at most once in five seconds), go on."""
+        """A frame has no outputs: count it, say why (once, as long as no frame is kept), go on."""
         self.tally.skip(reason)
         self.answer(stamp_ns, reason)
-        if why:
-            self.get_logger().warning(f"frame {stamp_ns} skipped, {reason}: {why}", throttle_duration_sec=5.0)
+        if why and self._news.worth(f"{reason}: {why}", self.tally.kept):
+            self.get_logger().warning(f"frame {stamp_ns} skipped, {reason}: {why}")
 
     def jumped(self) -> None:
         """The clock was set back: the accumulated state belongs to another time."""

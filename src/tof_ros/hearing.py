@@ -20,6 +20,14 @@ SILENT_S = 5.0
 """No frame for so long is worth a line: every camera that is known gives one within a second."""
 
 
+CAMERA_SILENT = "check that the camera streams (some stream on demand only), and that the network lets large messages through"
+VIEWS_SILENT = (
+    "see its log or diagnostics first, it publishes nothing while it hears no camera; if it keeps frames, check that the network lets large"
+    " messages through"
+)
+"""What to do where a topic has a publisher and no message comes: of a camera, and of the node `preproc`."""
+
+
 @dataclass(frozen=True, slots=True)
 class Frames:
     """The topic whose messages are a node's frames: as the node names it, as ROS resolves it, and the parameter that names another."""
@@ -75,8 +83,8 @@ class Hearing:
     def _line(self, frames: Frames) -> str:
         publishers = sorted({_full_name(p) for p in self._node.get_publishers_info_by_topic(frames.topic)})
         if publishers:
-            todo = "check that the camera streams (some stream on demand only), and that the network lets large messages through"
-            return f"no frame for {SILENT_S:.0f} s: {frames.topic} has publishers ({', '.join(publishers)}), but no message arrived; {todo}"
+            todo = CAMERA_SILENT if frames.parameter else VIEWS_SILENT
+            return f"no frame for {SILENT_S:.0f} s: {frames.topic} has publishers ({', '.join(publishers)}), but no message arrived: {todo}"
         types = {topic: found[0] for topic, found in self._node.get_topic_names_and_types() if len(found) == 1}
         published = {topic: kind for topic, kind in types.items() if self._node.count_publishers(topic)}
         return no_publisher(frames, published, self._node.get_name(), self._node.get_namespace())

@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from geometry_msgs.msg import Point
+from geometry_msgs.msg import Point, PoseStamped
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 MOST_TRIANGLES = 20_000
 """Of one part: what RViz draws fluently, and 1.5 MB of message; finer meshes are drawn coarser."""
 GREY, GREEN, ORANGE, RED = (0.6, 0.6, 0.62), (0.25, 0.7, 0.35), (0.95, 0.6, 0.15), (0.85, 0.2, 0.2)
+BLUE = (0.3, 0.5, 0.9)
 SOLID, THIN = 0.95, 0.45
 """Opacity: of a part on which something was found, and of the others."""
 
@@ -48,18 +49,26 @@ def _step(share: float) -> int:
 
 
 def part_markers(
-    parts: Sequence[tuple[str, Float, Ints]], frame: str, colours: Mapping[str, Colour], *, space: str = "scene", stamp_ns: int = 0
+    parts: Sequence[tuple[str, Float, Ints]],
+    frame: str,
+    colours: Mapping[str, Colour],
+    *,
+    T_frame_cell: Float | None = None,
+    space: str = "scene",
+    stamp_ns: int = 0,
 ) -> MarkerArray:
     """One triangle list a part.
 
     Args:
         parts: name, vertices (N, 3) in metres of the cell, faces (M, 3).
-        frame: TF frame of the cell.
+        frame: TF frame of the cell, or another one in which its pose is `T_frame_cell`.
         colours: of the parts on which something is known; the others are grey.
+        T_frame_cell: (4, 4) pose of the cell in `frame`; None: that is its own frame.
         space: the markers' namespace; markers of one namespace and number replace each other.
         stamp_ns: 0 draws them wherever the frame is now.
     """
-    markers = MarkerArray(markers=[_marker(n, part, frame, space, stamp_ns) for n, part in enumerate(parts)])
+    pose = messages.pose_stamped(np.eye(4) if T_frame_cell is None else T_frame_cell, messages.header(stamp_ns, frame))
+    markers = MarkerArray(markers=[_marker(n, part, pose, space) for n, part in enumerate(parts)])
     colour(markers, colours)
     return markers
 
@@ -71,10 +80,9 @@ def colour(markers: MarkerArray, colours: Mapping[str, Colour]) -> None:
         marker.color = ColorRGBA(r=r, g=g, b=b, a=SOLID if marker.text in colours else THIN)
 
 
-def _marker(number: int, part: tuple[str, Float, Ints], frame: str, space: str, stamp_ns: int) -> Marker:
+def _marker(number: int, part: tuple[str, Float, Ints], pose: PoseStamped, space: str) -> Marker:
     name, vertices, faces = part
-    out = Marker(header=messages.header(stamp_ns, frame), ns=space, id=number, type=Marker.TRIANGLE_LIST, action=Marker.ADD, text=name)
-    out.pose.orientation.w = 1.0
+    out = Marker(header=pose.header, pose=pose.pose, ns=space, id=number, type=Marker.TRIANGLE_LIST, action=Marker.ADD, text=name)
     out.scale.x = out.scale.y = out.scale.z = 1.0
     corners, index = coarse(vertices, faces)
     points = [Point(x=x, y=y, z=z) for x, y, z in corners.tolist()]  # one message a vertex, which its triangles share

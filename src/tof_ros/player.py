@@ -20,6 +20,7 @@ from tf2_msgs.msg import TFMessage
 from tof_core import decode
 from tof_core.errors import ToftwinError
 from tof_ros import messages, qos
+from tof_ros.ending import PLAYER
 from tof_ros.interfaces import message_class
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ class Player(Node):
 
     def __init__(self, context: Context, frames: Sequence[str], done: Sequence[str], options: PlayOptions) -> None:
         """`done[0]` is the first node's answer; those after it come for each frame that it kept."""
-        super().__init__("toftwin_player", context=context)
+        super().__init__(PLAYER, context=context)
         self._frames, self._options = set(frames), options
         self._first, self._after = self.resolve_topic_name(done[0]), [self.resolve_topic_name(t) for t in done[1:]]
         self._open: dict[int, set[str]] = {}

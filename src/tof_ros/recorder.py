@@ -24,37 +24,47 @@ if TYPE_CHECKING:
 
 FLUSH_S = 0.2
 """Longest time in seconds until a received message is in the file, also if no other follows: a killed process loses no more."""
+TF_QOS = {"/tf": qos.TF, "/tf_static": qos.TF_STATIC}
+"""TF is heard as tf2 hears it, whatever the profile of the other topics."""
 Topic = tuple[str, type[Any]]
 """A topic's name and its message class."""
 
 
 class Recorder:
-    """Subscribes to topics and keeps what they carry."""
+    """Subscribes to topics and keeps what they carry; while it is `paused` it keeps TF alone, which frames need of before them."""
+
+    paused = False
 
     def __init__(self, node: Node, path: Path, topics: Iterable[Topic], profile: QoSProfile = qos.RECORD) -> None:
         """Record `topics` (name and message class) into a new bag at `path`."""
         from tof_core.bag_writer import BagWriter
 
-        self._node, self.path, self.counts = node, path, Counter[str]()
+        self._node, self.path, self.counts, self._profile = node, path, Counter[str](), profile
         self.failed = ""
         # `close` is called while another thread spins the node: a chunk must not be finished in the middle of a write.
         self._lock, self._closed = threading.Lock(), False
         self._writer = BagWriter(path).__enter__()
-        self._subscriptions = [self._subscribe(topic, kind, profile) for topic, kind in topics]
+        self._subscriptions: list[Any] = []
+        for topic, kind in topics:
+            self.add(topic, kind)
         self._flusher = node.create_timer(FLUSH_S, lambda: self._try(self._writer.flush), clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def _subscribe(self, topic: str, kind: type[Any], profile: QoSProfile) -> Any:
+    def add(self, topic: str, kind: type[Any]) -> None:
+        """Record this topic too, from now on."""
         name = self._node.resolve_topic_name(topic)
         package, _, module = kind.__module__.partition(".msg.")
         type_name = f"{package}/msg/{kind.__name__}" if module else kind.__name__
-        profile = {"/tf": qos.TF, "/tf_static": qos.TF_STATIC}.get(name, profile)
-        return self._node.create_subscription(kind, name, lambda data: self._write(name, type_name, data), profile, raw=True)
+        profile = TF_QOS.get(name, self._profile)
+        self._subscriptions.append(
+            self._node.create_subscription(kind, name, lambda data: self._write(name, type_name, data), profile, raw=True)
+        )
 
     def _write(self, topic: str, type_name: str, data: bytes) -> None:
         now = self._node.get_clock().now().nanoseconds
 
         def keep() -> None:
-            self._writer.raw(topic, type_name, data, now)
+            if not self.paused or topic in TF_QOS:
+                self._writer.raw(topic, type_name, data, now)
             self.counts[topic] += 1
 
         self._try(keep)
@@ -71,8 +81,13 @@ class Recorder:
                 self._node.get_logger().error(self.failed)
 
     @property
+    def topics(self) -> set[str]:
+        """Topics that are recorded, by their full names."""
+        return {subscription.topic_name for subscription in self._subscriptions}
+
+    @property
     def count(self) -> int:
-        """Messages kept so far."""
+        """Messages that came so far."""
         return self.counts.total()
 
     @property

@@ -25,7 +25,7 @@ class LiveConfig(ViewOptions):
     )
     publish_tf: bool = param(True, "publish the cell's frame (latched) if TF lacks it, and CAMERA_aligned of each accepted view")
     sensor: str = param("", "sensor.yaml of the camera: its effects are removed before poses are solved; empty: nothing is known")
-    record: str = param("", "folder in which ~/start_recording writes a bag of the labels")
+    record: str = param("", "folder in which ~/start_recording writes a bag of the labels and TF")
     depth_code: str = depth_code()
 
 

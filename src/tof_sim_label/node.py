@@ -12,13 +12,14 @@ import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Path
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 from tof_core.errors import UsageError
 from tof_ros import messages
 from tof_ros.depth_output import DepthOutput
 from tof_ros.managed import ManagedNode
-from tof_ros.markers import GREEN, ORANGE, colour, part_markers
+from tof_ros.markers import BLUE, GREEN, ORANGE, RED, colour, part_markers
 from tof_ros.patience import PERIOD_S
 from tof_ros.placing import Frames, Placing
 from tof_ros.recorder import RecordService
@@ -29,6 +30,7 @@ from tof_scene.raycast import Raycaster
 from tof_sensor.known import known_bias
 from tof_sim_label.live import LabelNodeConfig
 from tof_sim_label.spare import SpareTime
+from tof_sim_label.standing import Standing, Standings
 from tof_sim_label.stream import Labelled, LabelStream, warm_up
 from tof_sim_label.verdicts import Verdicts
 
@@ -54,6 +56,8 @@ OUTPUTS = {
 """Topics under `label/`, once per view, with the stamp of its last capture."""
 SHARED = {"label/path": Path, "scene/markers": MarkerArray}
 """Latched topics for RViz: the corrected camera since the session began, and the CAD."""
+COLOURS = {Standing.CONFIRMED: GREEN, Standing.PARTLY: ORANGE, Standing.CONTRADICTED: RED, Standing.REFUSED: BLUE}
+"""Of the parts in `scene/markers`."""
 SPARE_TIME = "Or let labels have a share of a core, so that views do not wait for them (--param sim_label.live.share=0.1; ros2 run: -p live.share:=0.1)."
 """What helps where labels take longer than views come."""
 LONGEST_PATH = 1000
@@ -78,7 +82,8 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         self._placing = Placing(self)
         self.service("capture", self.flush)
         self.service("flush", self.flush)
-        RecordService(self, lambda: self.config.live.record, "labels", [(f"label/{name}", kind) for name, kind in OUTPUTS.items()])
+        labels = [(f"label/{name}", kind) for name, kind in OUTPUTS.items()]
+        RecordService(self, lambda: self.config.live.record, "labels", [*labels, ("/tf", TFMessage), ("/tf_static", TFMessage)])
 
     def load(self) -> None:
         """Read the scene, build its search tree."""
@@ -106,9 +111,10 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         self._spare = SpareTime(live.share) if live.share else None
         if self._spare is not None:
             self.at_stop.append(self._spare.close)
-        self._colours: dict[str, Colour] = {}
+        self._colours: dict[str, Colour] | None = None
         self._markers = part_markers([(part.name, part.vertices, part.faces) for part in self._scene.parts], self._cell, {})
-        self._draw({})
+        self._standings = Standings(len(self._scene.parts))
+        self._draw()
 
     def unload(self) -> None:
         """Release the scene."""
@@ -183,18 +189,18 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         self.offer(
             self._outputs["points"], lambda: messages.points(view.camera.points(label.depth).astype(np.float32), head, view.amplitude)
         )
-        seen = (self._scene.names[n] for n in np.unique(label.part) if n >= 0)
-        self._draw(dict.fromkeys(seen, GREEN if label.posed.accepted else ORANGE))
+        self._standings.add(view, label)
+        self._draw()
 
     @property
     def _cell(self) -> str:
         """TF frame of the cell."""
         return self._chain.cell.lstrip("/") or self._scene.frame
 
-    def _draw(self, seen: dict[str, Colour]) -> None:
-        """Publish the CAD, once and where a colour changes: green on parts of accepted views, orange on others, grey on what was not seen."""
-        colours = {**self._colours, **seen}
-        if colours != self._colours or not colours:
+    def _draw(self) -> None:
+        """Publish the CAD, once and where a colour changes: a part by its standing, grey where nothing is known of it."""
+        colours = {self._scene.names[n]: COLOURS[standing] for n, standing in self._standings.all().items()}
+        if colours != self._colours:
             self._colours = colours
             colour(self._markers, colours)
             self._latched["scene/markers"].publish(self._markers)
@@ -223,6 +229,7 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         self._finish()
         self._stream.reset()
         self._verdicts.begin()
+        self._standings = Standings(len(self._scene.parts))
         self._feed.reset()
         return "the session is forgotten"
 

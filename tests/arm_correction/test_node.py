@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from functools import lru_cache
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -134,7 +135,7 @@ def test_the_action_gives_the_proposal_and_of_a_refused_one_the_reason(bench: Be
     metres, degrees = se3.distance(FIRST @ MOTION @ se3.inverse(T_HAND_CAMERA) @ messages.matrix(proposal.delta) @ T_HAND_CAMERA, FIRST)
     assert (1e3 * metres < 1.0, degrees < 0.15) == (True, True)
     assert proposal.distance == pytest.approx(se3.distance(np.eye(4), messages.matrix(proposal.delta))[0])
-    assert [s.step for s in acted.steps] == ["register"]
+    assert [s.step for s in acted.steps] == ["register", "publish"]
     assert wait_for(lambda: typed)[-1].target == proposal.target
 
     assert bench.node.set_parameters([Parameter("correct.limits.stale_s", value=0.01)])[0].successful
@@ -161,6 +162,51 @@ def test_a_stale_view_and_a_robot_that_moved_meanwhile_are_refused_with_the_reas
     assert (done, "moved meanwhile: by 5.0 mm" in why) == (False, True), why
     wait_for(lambda: bench.heard["verdict"][-1].status[0].message.startswith("refused: moved meanwhile"))
     assert bench.ask("reset") == (True, "the dwells are discarded, the reference is kept")
+
+
+def test_the_time_of_the_registration_is_not_the_age_of_the_view(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    from rclpy.time import Time
+
+    node, limit_s = bench.node, 60.0
+    propose, clock = node._corrector.propose, node.get_clock()
+
+    def slow(*views: Any, **how: Any) -> Any:
+        late = Time(nanoseconds=clock.now().nanoseconds + round(2e9 * limit_s), clock_type=clock.clock_type)
+        monkeypatch.setattr(node, "get_clock", lambda: SimpleNamespace(now=lambda: late, ros_time_is_active=False))
+        return propose(*views, **how)
+
+    bench.ask("reset")
+    bench.look("back")
+    monkeypatch.setattr(node._corrector, "propose", slow)
+    done, message = bench.ask("propose")
+    assert done, message
+
+
+def test_a_proposal_that_is_cancelled_publishes_nothing(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    from action_msgs.msg import GoalStatus
+
+    pytest.importorskip("toftwin_msgs.msg", reason="toftwin_msgs is not built here")
+    from toftwin_msgs.action import Propose
+
+    node, began = bench.node, []
+    whole, propose = node._propose, node._corrector.propose
+
+    def asked(progress: Any) -> Any:
+        began.append(progress)
+        return whole(progress)
+
+    def until_cancelled(*views: Any, **how: Any) -> Any:
+        wait_for(lambda: began[-1]._goal.is_cancel_requested)
+        return propose(*views, **how)
+
+    bench.ask("reset")
+    bench.look("back")
+    monkeypatch.setattr(node, "_propose", asked)
+    monkeypatch.setattr(node._corrector, "propose", until_cancelled)
+    published: list[Any] = []
+    monkeypatch.setattr(node, "_publish", published.append)
+    acted = bench.observer.act(Propose, "/spot/correct/propose", cancel_at="register")
+    assert (acted.status, acted.result.message, published) == (GoalStatus.STATUS_CANCELED, "cancelled: register", [])
 
 
 def test_two_dwells_that_disagree_are_refused(bench: Bench) -> None:
@@ -220,8 +266,8 @@ def test_a_node_that_is_stopped_while_it_proposes_commands_nothing(bench: Bench,
     corrector = bench.node._corrector
     propose = corrector.propose
 
-    def stopped(*how: Any) -> Any:
-        made = propose(*how)
+    def stopped(*views: Any, **how: Any) -> Any:
+        made = propose(*views, **how)
         bench.node.trigger_deactivate()
         return made
 

@@ -183,6 +183,17 @@ def test_views_show_topics_of_the_contract(view: str, packages: Path) -> None:
     assert {"depth/hand/image", "preproc/depth", "label/depth", "gap/residual", "correction/pose"} <= shown
 
 
+def test_the_readme_s_command_puts_foxglove_s_topics_into_a_namespace(repository: Path, tmp_path: Path) -> None:
+    layout = "ros_ws/src/toftwin_bringup/foxglove/graph.json"
+    (command,) = re.findall(rf"sed '.*' {layout} > spot\.json", (repository / "ros_ws" / "README.md").read_text())
+    subprocess.run(["bash", "-c", command.replace("> spot.json", f"> {tmp_path}/spot.json")], cwd=repository, check=True)
+    plain, made = ((root / name).read_text() for root, name in ((repository, layout), (tmp_path, "spot.json")))
+    absolute = re.findall(r'"(/[^"]*)"', plain)
+    assert "/initialpose" in absolute
+    assert re.findall(r'"(/[^"]*)"', made) == [topic if topic == "/diagnostics" else f"/spot{topic}" for topic in absolute]
+    assert json.loads(made).keys() == json.loads(plain).keys()
+
+
 def test_ros_arguments_are_handed_on_as_they_came() -> None:
     call = called(("preproc",), ["--ros-args", "-r", "__ns:=/spot", "--ros-args", "--params-file", "p.yaml"])
     assert call.nodes == ("preproc",)

@@ -71,6 +71,18 @@ def test_a_robot_in_odom_gets_its_cell_by_placement() -> None:
     np.testing.assert_allclose(pose.T_body_camera, BODY_CAMERA, atol=1e-12)
 
 
+@pytest.mark.parametrize("placed", [None, Placement("odom", np.eye(4))])
+@pytest.mark.parametrize("cell", ["", "cell"])
+def test_without_any_tf_that_is_what_is_said(cell: str, placed: Placement | None) -> None:
+    with pytest.raises(TransformError, match=r"^TF: no transform has come on /tf or /tf_static; publish both"):
+        RobotChain(TransformBuffer(), cell, placed=placed).resolve("spot/camera")
+
+
+def test_without_a_cell_a_camera_that_tf_lacks_is_named() -> None:
+    with pytest.raises(TransformError, match=r"TF does not have the camera's frame 'camera'; .*TF has cell, spot/body, spot/camera"):
+        RobotChain(buffer()).resolve("camera")
+
+
 def test_two_robots_are_placed_in_one_cell_which_has_one_parent() -> None:
     first, second = se3.exp([2.0, 1.0, 0.0, 0.0, 0.0, 1.0]), se3.exp([-1.0, 0.5, 0.0, 0.0, 0.0, -0.4])
     told: list[tuple[str, str, Float]] = []

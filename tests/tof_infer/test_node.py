@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.tof_infer.made import CAMERA, measured
+from tests.tof_ros.peers import Observer, wait_for
 from tof_core.camera import Camera
 from tof_core.decode import pixels, stamp_ns
 from tof_core.errors import RefusedError
@@ -20,7 +21,7 @@ from tof_infer.session import Session
 pytest.importorskip("rclpy", reason="no ROS 2 here")
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
     from pathlib import Path
 
     from tof_core.capture import Capture
@@ -32,13 +33,14 @@ pytestmark = [pytest.mark.dds, pytest.mark.train]
 class Bench:
     """An `infer` in one thread, a camera and an observer in another."""
 
-    def __init__(self, node: Any, peer: Any) -> None:
+    def __init__(self, node: Any, observer: Observer) -> None:
         from sensor_msgs.msg import CameraInfo, Image, Temperature, TimeReference
 
         from tof_infer.node import OUTPUTS
         from tof_ros import qos
 
         self.heard: list[tuple[str, Any]] = []
+        self.log, peer = observer.log, observer.node
         self.publishers = {
             name: peer.create_publisher(kind, f"spot/{name}", qos.sensor(reliable=True))
             for name, kind in {
@@ -78,17 +80,8 @@ class Bench:
         return found()
 
 
-def wait_for(condition: Callable[[], Any], seconds: float = 30.0) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "timed out"
-        time.sleep(0.01)
-
-
 @pytest.fixture(scope="module")
 def bench(ros_domain: int, model: Path) -> Iterator[Bench]:
-    import rclpy
-
     from tof_infer.node import make_node
     from tof_ros.environment import parameter_overrides, ros_context
     from tof_ros.spin import spinning
@@ -96,9 +89,9 @@ def bench(ros_domain: int, model: Path) -> Iterator[Bench]:
     values = {"infer.model": str(model), "live.reliable": True}
     with ros_context(domain=ros_domain) as context:
         node = make_node(context=context, namespace="spot", parameter_overrides=parameter_overrides(values))
-        peer = rclpy.create_node("peer", context=context)
-        with spinning([node, peer]):
-            yield Bench(node, peer)
+        observer = Observer(context)
+        with spinning([node, observer.node]):
+            yield Bench(node, observer)
 
 
 def cloud_of(message: Any) -> tuple[list[str], Any]:
@@ -133,11 +126,18 @@ def test_a_frame_all_invalid_is_a_frame(bench: Bench) -> None:
     assert np.isnan(pixels(out["depth"])).all()
 
 
-def test_another_camera_is_refused_and_reported_and_the_node_continues(bench: Bench, model: Path) -> None:
+def test_another_camera_is_refused_and_reported_once_with_the_remedy_and_the_node_continues(
+    bench: Bench, model: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tof_ros.news.QUIET_S", 0.0)  # as if each frame came after a long time
     other = Camera(44, 30, 60.0, 60.0, 21.5, 14.5, frame_id="hand_depth")
-    assert bench.outputs(bench.send(measured(602), other))["done"].source == "refused"
-    out = bench.outputs(bench.send(measured(603)))
-    np.testing.assert_array_equal(pixels(out["depth"]), expected(model, measured(603)).depth)
+    for index in (602, 603, 604):
+        assert bench.outputs(bench.send(measured(index), other))["done"].source == "refused"
+    wait_for(lambda: any("skipped, refused" in line for line in bench.log))
+    (said,) = [line for line in bench.log if "skipped, refused" in line]
+    assert said.endswith("start with --param infer.infer.force=true (ros2 run: -p infer.force:=true) and check with toftwin evaluate")
+    out = bench.outputs(bench.send(measured(605)))
+    np.testing.assert_array_equal(pixels(out["depth"]), expected(model, measured(605)).depth)
 
 
 def test_while_nobody_is_subscribed_the_network_runs_once_a_second_and_refusals_go_on(

@@ -12,6 +12,7 @@ import pytest
 from tests.tof_inspect.made import CAMERA, EYE, as_built, plate, seen
 from tests.tof_ros.peers import Observer, values, wait_for
 from tests.tof_ros.view_source import ViewSource
+from tof_core import se3
 from tof_scene.raycast import Raycaster
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
@@ -129,7 +130,8 @@ def test_the_action_judges_step_by_step_and_the_typed_topic_has_the_same_verdict
     assert (parts["block"].tolerance, acted.result.verdict.header.frame_id) == (pytest.approx(1e-3 * 1.0), "cell")
     assert acted.steps[0].step == "poses of all views"
     assert {s.step for s in acted.steps} >= {GONE, "block"}
-    assert [(s.done, s.total) for s in acted.steps] == [(n, len(acted.steps)) for n in range(len(acted.steps))]
+    counted = list(dict.fromkeys((s.done, s.total) for s in acted.steps))  # a step that lasts is said again
+    assert counted == [(n, len(counted)) for n in range(len(counted))]
     assert [p.name for p in wait_for(lambda: typed)[-1].parts] == list(parts)
 
 
@@ -145,10 +147,44 @@ def test_a_judgement_is_cancelled_between_two_parts(bench: Bench) -> None:
     assert bench.observer.trigger("/spot/inspect/judge").success
 
 
+def test_the_node_itself_does_not_compute_a_judgement(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beside nodes that compute, a thread of the node would wait for the interpreter lock at each of its many short calls."""
+
+    def forbidden(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("tof_inspect.judge.Inspector.judge", forbidden)
+    assert bench.observer.trigger("/spot/inspect/judge").success
+
+
+def test_where_tf_has_no_cell_the_markers_stand_in_the_frame_in_which_it_is_placed(ros_domain: int, tmp_path: Path) -> None:
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+    from visualization_msgs.msg import MarkerArray
+
+    from tof_inspect.node import make_node
+    from tof_ros.environment import parameter_overrides, ros_context
+    from tof_ros.spin import spinning
+
+    overrides = parameter_overrides({"live.scene": str(written(plate(), tmp_path)), "live.initial_pose": "odom: 0 0 0.2 0 0 0 1"})
+    with ros_context(domain=ros_domain) as context:
+        node, observer = make_node(context=context, namespace="alone", parameter_overrides=overrides), Observer(context, "other")
+        source = ViewSource(observer.node, "alone", root="odom", T_root_cell=se3.from_quat((0.0, 0.0, 0.2), (0.0, 0.0, 0.0, 1.0)))
+        drawn: list[Any] = []
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        observer.node.create_subscription(MarkerArray, "/alone/inspect/markers", drawn.append, latched)
+        with spinning([node, observer.node]):
+            wait_for(lambda: node.active and source.matched)
+            source.send(seen(plate()))
+            wait_for(lambda: node.tally.kept == 1, what=str(node.tally.skipped))
+            assert observer.trigger("/alone/inspect/judge").success
+            markers = wait_for(lambda: drawn)[-1].markers
+    assert {(m.header.frame_id, round(m.pose.position.z, 6)) for m in markers} == {("odom", 0.2)}
+
+
 def test_the_text_topic_names_the_typed_one_to_its_subscriber(bench: Bench) -> None:
     lines = wait_for(lambda: [line for line in bench.observer.log if "ends with the next release" in line])
     assert lines == [
-        "spot.inspect: /spot/inspect/verdict ends with the next release: subscribe to /spot/inspect/parts, which has typed fields"
+        "spot.inspect: /spot/inspect/verdict ends with the next release: let /observer hear /spot/inspect/parts, which has typed fields"
     ]
 
 

@@ -4,13 +4,15 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Any
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, cast
 
 import pytest
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
 from tests.tof_ros.peers import Observer, wait_for
-from tof_ros.hearing import Frames, no_publisher
+from tof_ros.diagnostics import Tally
+from tof_ros.hearing import CAMERA_SILENT, VIEWS_SILENT, Frames, Hearing, no_publisher
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -64,6 +66,22 @@ def test_a_topic_without_publisher_comes_with_what_could_be_meant(case: str) -> 
     line = no_publisher(frames, published, "preproc", namespace)
     assert said in line
     assert line.startswith(f"no frame for 5 s: {frames.topic} has no publisher")
+
+
+@pytest.mark.parametrize(
+    ("frames", "said"), [(DEPTH, CAMERA_SILENT), (Frames("preproc/depth", "/spot/preproc/depth", IMAGE), VIEWS_SILENT)]
+)
+def test_of_a_silent_publisher_it_is_said_where_to_look(frames: Frames, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    from sensor_msgs.msg import Image
+
+    monkeypatch.setattr("tof_ros.hearing.SILENT_S", 0.0)
+    node = SimpleNamespace(
+        resolve_topic_name=lambda _: frames.topic,
+        get_publishers_info_by_topic=lambda _: [SimpleNamespace(node_name="preproc", node_namespace="/spot")],
+    )
+    hearing = Hearing(cast("Any", node), Tally())
+    hearing.add(frames.name, Image, frames.parameter)
+    assert hearing.silence() == f"no frame for 0 s: {frames.topic} has publishers (/spot/preproc), but no message arrived: {said}"
 
 
 @pytest.fixture

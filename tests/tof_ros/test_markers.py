@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
+from tof_core import se3
 from tof_ros.markers import GREEN, GREY, ORANGE, RED, coarse, part_markers, same_shade, shade
+from tof_ros.messages import matrix
 
 TRIANGLE = np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0]])
 
@@ -20,6 +22,13 @@ def test_each_part_is_a_list_of_its_triangles_in_the_colour_of_what_is_known() -
     colours = [(round(m.color.r, 3), round(m.color.g, 3), round(m.color.b, 3)) for m in markers]
     assert colours == [GREY, RED]
     assert markers[0].color.a < markers[1].color.a
+
+
+def test_in_another_frame_than_the_cell_s_the_parts_stand_where_the_cell_is() -> None:
+    T_odom_cell = se3.from_quat((1.0, 2.0, 0.5), (0.0, 0.0, 1.0, 0.0))
+    (marker,) = part_markers([("plate", TRIANGLE, np.array([[0, 1, 2]]))], "odom", {}, T_frame_cell=T_odom_cell).markers
+    assert marker.header.frame_id == "odom"
+    np.testing.assert_allclose(matrix(marker.pose), T_odom_cell, atol=1e-12)
 
 
 def test_a_fine_mesh_is_drawn_coarser_and_keeps_its_place() -> None:

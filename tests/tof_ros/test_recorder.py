@@ -62,6 +62,31 @@ def test_a_bag_is_not_finished_in_the_middle_of_a_message(monkeypatch: pytest.Mo
 
 
 @pytest.mark.dds
+@pytest.mark.parametrize(
+    ("values", "colour"),
+    [
+        ({}, {"/spot/camera/hand/image", "/spot/camera/hand/camera_info"}),
+        ({"input.colour_topic": "/rgb/image/compressed"}, {"/rgb/image/compressed", "/rgb/camera_info"}),
+        ({"input.colour_topic": "none"}, set()),
+    ],
+)
+def test_a_recording_of_raw_topics_has_the_colour_camera(ros_domain: int, tmp_path: Path, values: dict[str, str], colour: set[str]) -> None:
+    from tof_preproc.node import make_node
+    from tof_ros.environment import parameter_overrides, ros_context
+
+    overrides = parameter_overrides({"live.record": str(tmp_path), "live.need_tf": False} | values)
+    with ros_context(domain=ros_domain) as context:
+        node = make_node(context=context, namespace="spot", parameter_overrides=overrides)
+        node._recordings._start()
+        recorder = node._recordings._recorder
+        assert recorder is not None
+        recorded = recorder.topics
+        node.destroy_node()
+    depth = {"/spot/depth/hand/image", "/spot/depth/hand/camera_info", "/spot/ir/hand/image", "/spot/hand/temperature"}
+    assert recorded == depth | colour | {"/tf", "/tf_static"}
+
+
+@pytest.mark.dds
 def test_robots_of_one_cell_record_into_one_folder(ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Started in the same second: each bag has its robot's name."""
     from tof_preproc.node import make_node

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def live_camera(camera: Camera, depth_of: Callable[[int], Image]) -> Iterator[None]:
-    """Publish at 15 Hz, TF at 50 Hz, while the block runs."""
+def live_camera(camera: Camera, depth_of: Callable[[int], Image], *, with_info: bool = True) -> Iterator[None]:
+    """Publish at 15 Hz, TF at 50 Hz, while the block runs; CameraInfo is advertised, and sent if the camera is `with_info`."""
     import rclpy
     from sensor_msgs.msg import CameraInfo
     from sensor_msgs.msg import Image as ImageMessage
@@ -39,7 +39,8 @@ def live_camera(camera: Camera, depth_of: Callable[[int], Image]) -> Iterator[No
 
         def shoot() -> None:
             head = messages.header(node.get_clock().now().nanoseconds, camera.frame_id)
-            info.publish(messages.camera_info(camera, head))
+            if with_info:
+                info.publish(messages.camera_info(camera, head))
             image.publish(messages.image(depth_counts(depth_of(next(count))), "16UC1", head))
 
         def place() -> None:

@@ -73,7 +73,9 @@ def test_a_truncated_bag_is_refused_and_says_what_can_be_had(capsys: pytest.Capt
 
 def test_no_camera_info(capsys: pytest.CaptureFixture[str], scene: Path, tmp_path: Path) -> None:
     bag = rewritten(tmp_path / "bag", lambda topic, m: None if "camera_info" in topic else m)
-    assert "has no CameraInfo beside '/depth/hand/image'; record the camera_info topic too" in refused(capsys, bag, scene, tmp_path / "out")
+    assert "has no CameraInfo beside '/depth/hand/image'; record /depth/hand/camera_info too" in refused(
+        capsys, bag, scene, tmp_path / "out"
+    )
 
 
 def test_uncalibrated_camera(capsys: pytest.CaptureFixture[str], scene: Path, tmp_path: Path) -> None:
@@ -120,7 +122,9 @@ def test_big_endian_and_padded_rows_are_decoded_right(tmp_path: Path) -> None:
 
 def test_no_tf_at_all(capsys: pytest.CaptureFixture[str], scene: Path, tmp_path: Path) -> None:
     bag = rewritten(tmp_path / "bag", lambda topic, m: None if topic.startswith("/tf") else m)
-    assert "TF does not have the cell frame 'cell'; pass --initial-pose" in refused(capsys, bag, scene, tmp_path / "out")
+    assert "no transform has come on /tf or /tf_static; publish both (and record both); where nothing moves, --initial-pose" in refused(
+        capsys, bag, scene, tmp_path / "out"
+    )
 
 
 def test_a_gap_in_tf_is_counted_and_reported(capsys: pytest.CaptureFixture[str], scene: Path, tmp_path: Path) -> None:

@@ -126,7 +126,7 @@ FAULTS = {
         "is 120x90, its CameraInfo 240x180",
         "--info-topic",
     ),
-    "no CameraInfo": (Robot(info=False), "topic", "no CameraInfo beside", "record the camera_info"),
+    "no CameraInfo": (Robot(info=False), "topic", "no CameraInfo beside", "depth/hand/camera_info too"),
     "no TF": (Robot(tf=False), "TF", "no /tf and no /tf_static", "record both"),
     "TF with a hole": (Robot(tf_hole=(10, 40)), "TF gaps", "of 12 frames have no pose", "--max-gap-s"),
     "frozen": (Robot(frozen=True), "frozen frames", "11 of 12", "restart the camera"),
@@ -233,13 +233,21 @@ def test_a_missing_library_names_its_package(monkeypatch: pytest.MonkeyPatch) ->
     assert (found.level, found.todo) == (Level.FIX, "apt-get install libno9")
 
 
-def test_a_ros_domain_without_topics_is_reported(tmp_path: Path, ros_domain: int, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a domain in which nothing will ever come."""
+    monkeypatch.setattr("tof_ros.survey.PATIENCE_S", 0.5)
+
+
+@pytest.mark.usefixtures("impatient", "ros_domain")
+def test_a_ros_domain_without_topics_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["doctor", "--live", "--seconds", "0.2"]) == 1
     assert "no publisher of images" in capsys.readouterr().out
 
 
 @pytest.mark.dds
-def test_publishers_without_messages_are_faults(ros_domain: int) -> None:
+@pytest.mark.usefixtures("impatient", "ros_domain")
+def test_publishers_without_messages_are_faults() -> None:
     import rclpy
     from sensor_msgs.msg import Image
 
@@ -249,7 +257,7 @@ def test_publishers_without_messages_are_faults(ros_domain: int) -> None:
     with ros_context() as context:
         node = rclpy.create_node("silent", context=context)
         node.create_publisher(Image, "/depth/hand/image", 5)
-        said = list(examine_live(BagOptions(), None, None, 0.2))
+        said = list(examine_live(BagOptions(), None, None, 2.0))
         node.destroy_node()
     assert any("not one message came" in line for line in worst(said)), said
 
@@ -269,11 +277,40 @@ def test_a_live_camera_is_recorded_and_examined(ros_domain: int) -> None:
     assert worst(said) == []
 
 
+@pytest.mark.dds
+@pytest.mark.usefixtures("ros_domain")
+def test_a_camera_that_is_discovered_late_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    from rclpy.node import Node
+
+    from tests.toftwin.live_camera import live_camera
+    from toftwin.doctor.live import examine_live
+
+    graph, looks = Node.get_topic_names_and_types, iter(range(10**6))
+    monkeypatch.setattr(Node, "get_topic_names_and_types", lambda node: graph(node) if next(looks) > 2 else [])
+    with live_camera(CAMERA, wall):
+        said = list(examine_live(BagOptions(), None, None, 1.0))
+    assert worst(said) == []
+    assert any(f.check == "z or radial" and f.level is Level.OK for f in said), said
+
+
+@pytest.mark.dds
+@pytest.mark.usefixtures("impatient", "ros_domain")
+def test_of_a_live_camera_without_camera_info_that_topic_is_named() -> None:
+    from tests.toftwin.live_camera import live_camera
+    from toftwin.doctor.live import examine_live
+
+    with live_camera(CAMERA, wall, with_info=False):
+        said = list(examine_live(BagOptions(), None, None, 2.0))
+    assert any("/depth/hand/camera_info has a publisher, but nothing came in" in f.what for f in said), said
+    (line,) = [f.line() for f in said if f.level is Level.FIX]
+    assert "the ROS graph: has no CameraInfo beside '/depth/hand/image'; record /depth/hand/camera_info too" in line
+
+
 def test_publishers_that_we_cannot_hear_are_named_with_the_policy() -> None:
     from tof_ros.survey import Publisher
 
     said = list(
-        publishers({"/tf_static": [Publisher("/old", "reliable", "volatile")], "/tf": [Publisher("/fast", "best_effort", "volatile")]})
+        publishers({"/tf_static": [Publisher("/old", "reliable", "volatile")], "/tf": [Publisher("/fast", "best_effort", "volatile")]}, 5.0)
     )
     assert [f.level for f in said] == [Level.FIX, Level.FIX]
     assert "RELIABILITY" in said[0].todo

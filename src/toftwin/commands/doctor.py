@@ -32,7 +32,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "bag", nargs="?", metavar="BAG", help="folder of the bag, or its .mcap or .db3 file; without it only this host is checked"
     )
     parser.add_argument("--live", action="store_true", help="check the topics that are published now in this ROS_DOMAIN_ID, with their QoS")
-    parser.add_argument("--seconds", type=positive, default=5.0, help="duration of --live (default: 5)")
+    parser.add_argument(
+        "--seconds",
+        type=positive,
+        default=5.0,
+        help="seconds of --live in which every topic is heard (default: 5); up to 10 s longer where one is not found or silent",
+    )
     add_scene(parser)
     parser.add_argument("--json", action="store_true", help="print the findings as JSON")
     add_bag_arguments(parser)

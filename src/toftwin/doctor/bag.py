@@ -26,8 +26,13 @@ if TYPE_CHECKING:
     from toftwin.doctor.finding import Finding
 
 
-def examine_bag(path: Path | str, options: BagOptions, scene: Scene | None = None, initial_pose: str | None = None) -> Iterator[Finding]:
-    """Check everything that the graph needs of a bag, in the order in which the graph uses it."""
+def examine_bag(
+    path: Path | str, options: BagOptions, scene: Scene | None = None, initial_pose: str | None = None, *, where: str = ""
+) -> Iterator[Finding]:
+    """Check everything that the graph needs of a bag, in the order in which the graph uses it.
+
+    `where` names it in findings about its topics; empty: by its file.
+    """
     try:
         recording = Recording(path, options)
     except ToftwinError as error:
@@ -39,12 +44,12 @@ def examine_bag(path: Path | str, options: BagOptions, scene: Scene | None = Non
         except ToftwinError:
             return
     try:
-        yield from _examine(recording, scene, initial_pose)
+        yield from _examine(recording, scene, initial_pose, where or str(path))
     finally:
         recording.close()
 
 
-def _examine(recording: Recording, scene: Scene | None, initial_pose: str | None) -> Iterator[Finding]:
+def _examine(recording: Recording, scene: Scene | None, initial_pose: str | None, where: str) -> Iterator[Finding]:
     from toftwin.options import parse_placement
 
     if recording.files.note:
@@ -56,7 +61,7 @@ def _examine(recording: Recording, scene: Scene | None, initial_pose: str | None
     if not {"/tf", "/tf_static"} & recording.types.keys() and not initial_pose:
         yield fix("TF", "no /tf and no /tf_static", "record both: ros2 bag record /tf /tf_static DEPTH CAMERA_INFO")
     try:
-        topics = find_topics(recording.types, recording.options, encodings=recording.index.encodings, where=str(recording.files.path))
+        topics = find_topics(recording.types, recording.options, encodings=recording.index.encodings, where=where)
     except ToftwinError as error:
         yield refused("topic", error)
         return

@@ -20,8 +20,12 @@ if TYPE_CHECKING:
     from tof_scene.scene import Scene
     from toftwin.doctor.finding import Finding
 
+NEEDED = ((IMAGE, COMPRESSED, POINTS), (INFO,), (TF,))
+"""Types without one of which, in each group, no view can be made: they are waited for."""
 KINDS = (IMAGE, COMPRESSED, INFO, POINTS, TEMPERATURE, TF)
 
+GRAPH = "the ROS graph"
+"""Name of what is examined, in place of the file of its recording."""
 SILENT = "start the driver's streams; on another host: is the network's firewall open for UDP, and large messages not cut (MTU)?"
 
 
@@ -32,32 +36,32 @@ def examine_live(options: BagOptions, scene: Scene | None, initial_pose: str | N
     with TemporaryDirectory(prefix="toftwin-doctor-") as folder:
         path = Path(folder) / "live"
         try:
-            seen = survey(path, KINDS, seconds)
+            seen = survey(path, KINDS, seconds, NEEDED)
         except (ToftwinError, ImportError) as error:
             yield fix("live", f"the ROS graph cannot be looked at ({error})", "see the line ROS above")
             return
-        yield from publishers(seen.publishers)
+        yield from publishers(seen.publishers, seen.seconds)
         if seen.own:
             yield ok("live", f"the graph runs: {len(seen.own)} topics of its own, such as {seen.own[0]}, are not examined")
         silent = [t for t in seen.publishers if not seen.counts.get(t) and not t.endswith("tf_static")]
         for topic in silent:
             yield note(
                 "live",
-                f"{topic} has a publisher, but nothing came in {seconds:g} s",
+                f"{topic} has a publisher, but nothing came in {seen.seconds:.0f} s",
                 "is the driver running, and does it publish only on demand?",
             )
         if seen.counts:
-            yield from examine_bag(path, options, scene, initial_pose)
+            yield from examine_bag(path, options, scene, initial_pose, where=GRAPH)
         elif seen.publishers:
-            yield fix("live", f"{len(seen.publishers)} topics have publishers, and not one message came in {seconds:g} s", SILENT)
+            yield fix("live", f"{len(seen.publishers)} topics have publishers, and not one message came in {seen.seconds:.0f} s", SILENT)
 
 
-def publishers(seen: Mapping[str, Sequence[Publisher]]) -> Iterator[Finding]:
+def publishers(seen: Mapping[str, Sequence[Publisher]], seconds: float) -> Iterator[Finding]:
     """Published topics of types that the graph reads, and whether their QoS fits that of the nodes' subscriptions."""
     if not seen:
         yield fix(
             "live",
-            "no publisher of images, clouds or TF is seen",
+            f"no publisher of images, clouds or TF was seen in {seconds:.0f} s",
             "same ROS_DOMAIN_ID as the robot? on another host: ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET",
         )
     for topic, offers in sorted(seen.items()):
