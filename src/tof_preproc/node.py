@@ -263,13 +263,15 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         return {"stages": stages, "tf_age_s": f"{self._tf.age:.2f}", **waits, **removed}
 
     def warnings(self) -> list[str]:
-        """Frames without camera_info or without TF."""
+        """Frames without camera_info or without TF; images and TF by different clocks."""
         out, t = [], self._topics
         if self._since_info >= 10 and self.tally.last_arrival - max(self._last_info, self.tally.first_arrival) > 2.0:
             frames, info = self.resolve_topic_name(t.depth or t.points), self.resolve_topic_name(t.info)
             out.append(f"{frames} is seen, but no {info} for 2 s: is it published, and does its QoS match?")
         if self._stream.builder.skipped[NO_TRANSFORM]:
             out.append(f"transform: {self._stream.builder.last_error}")
+        if (lag := self._stream.lag.lag()) is not None:
+            out.append(str(lag))
         return out
 
 

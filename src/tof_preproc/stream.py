@@ -13,6 +13,7 @@ from tof_core.errors import ToftwinError
 from tof_core.jump import BackwardJump
 from tof_core.motion import MotionConfig, StationTracker, is_slow, is_still
 from tof_core.robot import RobotChain
+from tof_preproc.lag import LagMonitor
 from tof_preproc.preprocessor import Preprocessor
 
 if TYPE_CHECKING:
@@ -82,6 +83,8 @@ class PreprocStream:
         self.preprocessor = Preprocessor(config.preproc)
         self._unfiltered: Preprocessor | None = None
         self._stations = StationTracker(config.station)
+        self.lag = LagMonitor()
+        """Whether images and TF move together."""
         self._ready: deque[Capture] = deque()
         self._fates: deque[Processed] = deque()
         self._jump = BackwardJump()
@@ -93,6 +96,7 @@ class PreprocStream:
         self.preprocessor.reset()
         self.want_unfiltered(wanted=self._unfiltered is not None, anew=True)
         self._stations.reset()
+        self.lag.reset()
         self.transforms.clear_dynamic()
         self._ready.clear()
         self._jump.clear()
@@ -182,6 +186,8 @@ class PreprocStream:
     def _process(self, capture: Capture) -> list[Processed]:
         """What follows from a capture: the fate of the one before that was held, and its own unless it is held now."""
         still, station = self.standing(capture)
+        if capture.robot is not None:
+            self.lag.push(capture.stamp_ns, capture.depth, capture.robot.twist)
         dwell = self.preprocessor.add(capture, still=still, station=station)
         if dwell is None:
             return [Processed(capture.stamp_ns, FROZEN)]
