@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from tof_gap.tell.account import Cause
+    from tof_gap.tell.comparison import Against
     from tof_gap.tell.diagnosis import Diagnosis
-    from tof_gap.tell.difference import Against
     from tof_scene.raycast import Raycaster
     from tof_sensor.model import SensorModel
     from toftwin.diagnosis import GapPipelineConfig
@@ -120,7 +120,7 @@ def run(args: argparse.Namespace) -> int:
     again = kept(diagnosis, known)
     content = write(diagnosis, caster, args.out, advise(diagnosis, caster), again)
     if compared is not None:
-        content["against"] = compared.to_dict() | {"lines": compared.lines()}
+        content["against"] = compared.to_dict() | {"lines": compared.lines(), "head": compared.head(), "foot": compared.foot()}
     page = write_page(diagnosis, content, args.out, session_name(args.bag), caster.scene.names)
     learned = _retrained(diagnosis, caster, args.out, config, say) if args.retrain else None
     if args.json:
