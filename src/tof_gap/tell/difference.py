@@ -101,7 +101,8 @@ class Apart(NamedTuple):
     """How an effect differs in the two sessions, as chi-squares by one weight: the inverse covariance of the difference.
 
     difference: of the difference of the coefficients; real, simulated: of the effect in either session; both: their product;
-    share: of the chi-square of all differences that this one explains; differs: whether the sessions contradict its equality.
+    share: of the chi-square of all differences that this one explains; differs: whether the sessions contradict its equality; of_maps:
+    that errors of the other effects' maps may make (`Effect.ROUGH`): of one such effect, each session's views show other errors.
     """
 
     difference: float
@@ -110,6 +111,7 @@ class Apart(NamedTuple):
     both: float
     share: float
     differs: bool
+    of_maps: float = 0.0
 
     @property
     def ratio(self) -> float:
