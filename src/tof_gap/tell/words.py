@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from tof_gap.seen.finding import Finding
     from tof_gap.tell.unexplained import Unexplained
+    from tof_sensor.session import Course
 
 PLACE = "place in the cell"
 GOES_WITH = {
@@ -95,18 +96,18 @@ def where_to_look(where: Sequence[str], depends_on: Sequence[str] = ()) -> str:
     return "Look at the maps of the report: no effect known here explains the error that is left, and it lies on no part in particular."
 
 
-def size_in_words(cause: dict[str, Any], session_s: float) -> str:
-    """The size of an effect in its own units, as far as a session of `session_s` seconds determines it; "" where millimetres say it best.
+def size_in_words(cause: dict[str, Any], course: Course) -> str:
+    """The size of an effect in its own units, as far as a session of this course determines it; "" where millimetres say it best.
 
     `params` of the cause are those of the effect, or of each instance by part or frequency.
     """
     params = cause["params"]
     several = params and all(isinstance(p, dict) for p in params.values())
-    each = [_stated(cause["effect"], p, session_s) for p in (list(params.values())[:MOST_STATED] if several else [params])]
+    each = [_stated(cause["effect"], p, course) for p in (list(params.values())[:MOST_STATED] if several else [params])]
     return ", and ".join(filter(None, dict.fromkeys(each)))
 
 
-def _stated(name: str, params: dict[str, Any], session_s: float) -> str:
+def _stated(name: str, params: dict[str, Any], course: Course) -> str:
     """The size in the effect's own units, "" where it has none or the parameters are not its own."""
     from tof_core.config import from_mapping
     from tof_sensor.registry import EFFECTS
@@ -115,7 +116,7 @@ def _stated(name: str, params: dict[str, Any], session_s: float) -> str:
         effect = from_mapping(EFFECTS[name], params)
     except (KeyError, TypeError, ToftwinError):
         return ""
-    return effect.stated_in(session_s)
+    return effect.stated_in(course)
 
 
 def _off_edges(content: dict[str, Any]) -> str:
