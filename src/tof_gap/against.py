@@ -22,9 +22,10 @@ from tof_gap.tell.light_apart import light_apart
 from tof_gap.tell.loss_apart import Lossy, loss_apart
 from tof_gap.tell.maps_apart import OF_SINGLE_PIXELS, Pair
 from tof_gap.tell.noise_apart import made_by, noise_apart, not_comparable
-from tof_gap.tell.report import sensor_model
+from tof_gap.tell.report import sensor_model, without_depth
 from tof_gap.tell.tied import same_effect, ties
 from tof_gap.union import apart, members, with_known
+from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.effects.noise import Noise
@@ -104,8 +105,23 @@ def against(
     both = _sizes_of_both(pair, simulated)
     same = {*alike, *lost_alike, *both} - {d.effect for d in differences} - set(stated)
     sizes = {name: both[name] for name in sorted(same & both.keys())}
-    untested = _untested(real, simulated, known)
-    return Against(distance, differences, tuple(sorted(same)), stated, sizes, (unnamed(real), unnamed(simulated)), untested)
+    return Against(
+        distance,
+        differences,
+        tuple(sorted(same)),
+        stated,
+        sizes,
+        (unnamed(real), unnamed(simulated)),
+        _untested(real, simulated, known),
+        None if Dropout.NAME in {d.effect for d in differences} | same else _missing(real, simulated, limits),
+    )
+
+
+def _missing(real: Diagnosis, simulated: Diagnosis, limits: AgainstLimits) -> tuple[float, float] | None:
+    """Shares of the CAD's pixels without depth in both sessions; None where they do not differ."""
+    shares = without_depth(real), without_depth(simulated)
+    more, less = max(shares), min(shares)
+    return shares if more - less > limits.loss and more > limits.shares * less else None
 
 
 def _sizes_of_both(pair: Pair, simulated: Diagnosis) -> dict[str, tuple[float, float]]:

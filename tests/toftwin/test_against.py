@@ -38,3 +38,15 @@ def test_what_the_simulator_lacks_is_named(tmp_path: Path, capsys: pytest.Captur
     page = (tmp_path / "out" / "report.html").read_text()
     assert "Your simulator against this camera" in page
     assert "the simulator lacks wiggling" in page
+    assert "not testable in the simulator" in page
+
+    # The same camera whose wiggling has no name: 4 mm without a cause are no right simulator, and the report is written all the same.
+    assert main([*call, "--against", str(tmp_path / "simulated"), "--leave-out", "wiggling"]) == 0
+    found = json.loads((tmp_path / "out" / "against.json").read_text())
+    assert (found["verdict"], found["differences"]) == (["unknown"], [])
+    assert found["unknown"]["camera"]["rms_mm"] > 1.0
+    said = capsys.readouterr().out
+    assert "no effect is certain enough to be named as a difference" in said
+    assert "has the camera's effects" not in said
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "unknown: errors of the camera without a certain cause" in page

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from tof_core.shares import in_percent
 from tof_gap.tell.words import listed, spaced
 
 if TYPE_CHECKING:
@@ -42,7 +43,8 @@ class Against:
     alike: effects that both have, and that do not differ: both diagnoses named them, or one did and the views of both show them;
     sizes_mm: of those that both have by their diagnoses, RMS in the camera's and the simulator's session, NaN without a map; as_stated: effects that both have, and that
     differ by no more than the stated calibration allows; unnamed: of the camera's and of the simulator's session; not_testable: effects
-    that the simulator's session cannot test, each with the reason.
+    that the simulator's session cannot test, each with the reason; missing: shares of the CAD's pixels without depth in both sessions, where
+    they differ and no effect says why.
     """
 
     distance: Shrink
@@ -52,6 +54,7 @@ class Against:
     sizes_mm: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     unnamed: tuple[Unnamed | None, Unnamed | None] = (None, None)
     not_testable: Mapping[str, str] = field(default_factory=dict)
+    missing: tuple[float, float] | None = None
 
     @property
     def verdict(self) -> tuple[str, ...]:
@@ -83,6 +86,12 @@ class Against:
         """What is alike, what has no certain cause, and what could not be tested."""
         both = [self._alike(name) for name in self.alike]
         both += [f"{name} differs by no more than the stated calibration: no difference" for name in self.as_stated]
+        if self.missing is not None:
+            real, simulated = (in_percent(share) for share in self.missing)
+            both.append(
+                f"no depth on {real} of the CAD's pixels in the camera's bag, and on {simulated} in the simulator's: no named effect makes this "
+                "difference. An edge filter removes such pixels by design, and no sensor.yaml simulates it"
+            )
         reasons: dict[str, list[str]] = {}
         for name, why in self.not_testable.items():
             reasons.setdefault(why, []).append(name)
@@ -113,6 +122,7 @@ class Against:
                 if u is not None
             },
             "not_testable": dict(self.not_testable),
+            "missing": None if self.missing is None else dict(zip(SIDES, self.missing, strict=True)),
         }
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from tof_core.config import param
 from tof_core.shares import in_percent
+from tof_sensor.effects.noise import Noise
 
 LACKS, SUPERFLUOUS, WEAK, STRONG, OTHER = "lacks", "reality has not", "understates", "exaggerates", "has it in another form"
 """What a simulator does with an effect."""
@@ -155,7 +156,7 @@ class Difference:
             return f"take {self.effect} out of the simulator"
         if self.simulator in (WEAK, STRONG) and self.ratio is not None:
             return f"give {self.effect} {self.ratio:.2g} times its size in the simulator"
-        return f"give the simulator the {self.effect} of sensor.yaml"
+        return f"give the simulator the {'photon_law and noise' if self.effect == Noise.NAME else self.effect} of sensor.yaml"
 
     @property
     def ratio(self) -> float | None:

@@ -169,12 +169,14 @@ def _covered(maps: Sequence[Float]) -> float:
 
 
 def cost(d: Diagnosis, maps: Sequence[Float]) -> str:
-    """Error by maps (H, W) of metres that one pixel in twenty exceeds; where fewer are affected, the share of pixels off by `MATTERS_M`."""
+    """Error by maps (H, W) of metres that one pixel in twenty exceeds; where fewer are affected, the share of pixels off by `MATTERS_M`, and how far."""
     seen = [np.abs(m)[np.isfinite(r) & np.isfinite(m)] for m, r in zip(maps, d.residual, strict=True)]
     error = np.concatenate(seen) if seen else np.zeros(0)
     if not error.size:
         return ""
     worst = float(np.quantile(error, WORST))
     if worst >= MATTERS_M:
-        return f"one pixel in twenty is measured {1e3 * worst:.1f} mm off or more"
-    return f"{in_percent(float((error >= MATTERS_M).mean()))} of the pixels are measured {1e3 * MATTERS_M:.0f} mm off or more"
+        return f"this effect puts one pixel in twenty off by {1e3 * worst:.1f} mm or more"
+    off = error[error >= MATTERS_M]
+    half = f", half of them by {1e3 * float(np.median(off)):.0f} mm or more" if off.size else ""
+    return f"this effect puts {in_percent(off.size / error.size)} of the pixels off by {1e3 * MATTERS_M:.0f} mm or more{half}"

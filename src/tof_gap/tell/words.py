@@ -78,12 +78,13 @@ def todo(content: dict[str, Any]) -> list[str]:
             "The pixels of such objects are left out already."
         )
     if "unknown" in content["verdict"]:
-        lines.append(where_to_look(content["unexplained"]["where"], content["unexplained"].get("depends_on", ())))
+        left = content["unexplained"]
+        lines.append(where_to_look(left["where"], left.get("depends_on", ()), _suspects(content)))
     return lines + [f"Capture: {line}." for line in content["advice"]]
 
 
-def where_to_look(where: Sequence[str], depends_on: Sequence[str] = ()) -> str:
-    """What to do about the unexplained gap; `where`: parts that carry it; `depends_on`: quantities that it varies with."""
+def where_to_look(where: Sequence[str], depends_on: Sequence[str] = (), suspects: Sequence[str] = ()) -> str:
+    """What to do about the unexplained gap; `where`: parts that carry it; `depends_on`: quantities that it varies with; `suspects`: in words."""
     if "attitude" in depends_on:
         return "Check the camera's mount and the arm for play: the camera turns under its own weight as the hand turns."
     if "arm" in depends_on:
@@ -92,7 +93,12 @@ def where_to_look(where: Sequence[str], depends_on: Sequence[str] = ()) -> str:
             "If this arm is no better, state its errors there."
         )
     if where:
-        return f"Look at {listed(where[:3])}: no effect known here explains the error there. Check whether it is as drawn and in its place, and whether it is glossy, wet or transparent."
+        they = "it is" if len(where) == 1 else "they are"
+        light = f" (suspected: {listed(suspects)})" if suspects else ""
+        return (
+            f"Look at {listed(where[:3])}, where most of the error lies: check whether {they} as drawn and in place, and whether {they} glossy, "
+            f"wet or transparent. If nothing is to be seen there, the cause is the camera's or the light's{light}."
+        )
     return "Look at the maps of the report: no effect known here explains the error that is left, and it lies on no part in particular."
 
 
@@ -141,9 +147,10 @@ def _clues(unexplained: Mapping[str, Any]) -> str:
             f"{in_percent(gross, 1)} of the pixels away from edges are off by centimetres: that is no bias, but another surface, a mirror or a wrapped phase."
         )
     if like:
-        it, leaves = ("it does", "it leaves") if len(like) == 1 else ("they do", "they leave")
+        was, it = ("was", "it") if len(like) == 1 else ("were", "they")
         found.append(
-            f"Something acts where {listed([spaced(n) for n in like])} would, but not as {it}: simulated, {leaves} most of the error there."
+            f"{listed([spaced(n) for n in like]).capitalize()} {was} fitted and rejected: simulated, {it} would leave most of the error on the pixels "
+            "that it changes, so another cause acts on these."
         )
     return "".join(f" {sentence}" for sentence in found)
 

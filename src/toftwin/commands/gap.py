@@ -184,7 +184,7 @@ def meaning_of(verdict: Sequence[str]) -> str:
 def summary(d: Diagnosis) -> str:
     """Summary of the diagnosis for a terminal."""
     from tof_gap.tell.report import arm_errors
-    from tof_gap.tell.words import expected_words, interval, percent, unexplained_words, where_to_look
+    from tof_gap.tell.words import expected_words, interval, percent, spaced, unexplained_words, where_to_look
     from tof_scene.world.words import lines as world_lines
     from tof_scene.world.words import of_views
 
@@ -211,7 +211,8 @@ def summary(d: Diagnosis) -> str:
         lines.append("errors of the arm from view to view: {:.1f} mm and {:.2f} degrees RMS".format(*arm_errors(d)))
     if d.unexplained.structured:
         left = unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes))
-        lines.append(f"unexplained: {left} To do: {where_to_look(d.unexplained.where, d.unexplained.depends_on)}")
+        suspects = [spaced(c.named.name) for c in d.causes if d.suspected(c)]
+        lines.append(f"unexplained: {left} To do: {where_to_look(d.unexplained.where, d.unexplained.depends_on, suspects)}")
     lines += world_lines(d.world)
     if d.stray:
         lines.append(f"left out: {of_views(d.stray)}, whose depth fits the CAD only at poses where the arm cannot have been")
@@ -225,6 +226,9 @@ def cause_line(c: Cause, d: Diagnosis) -> str:
 
     away = c.alone.off_edges
     shrink, of_what = (c.alone.shrink, "the gap") if away is None else (away, "the gap away from edges")
-    alone = "" if shrink is None else f"; alone it explains {percent(shrink) if shrink > 0 else 'none'} of {of_what}"
+    share = "none" if shrink is None or shrink <= 0 else percent(shrink)
+    alone = (
+        "" if shrink is None else f"; alone it explains {share} of {of_what}{', but more of it beside the others' if shrink <= 0 else ''}"
+    )
     of = " that it is one of these" if "|" in c.named.verdict else ""
     return f"  {c.named.verdict}{' (suspected)' if d.suspected(c) else ''}: confidence {d.confidence(c):.2f}{of}{alone}"

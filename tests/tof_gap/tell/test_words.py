@@ -84,7 +84,7 @@ def content(
     *verdict: str, where: tuple[str, ...] = (), advice: tuple[str, ...] = (), missing: tuple[str, ...] = (), moving: tuple[bool, ...] = ()
 ) -> dict[str, Any]:
     world = {"missing": [{"part": name} for name in missing], "foreign": [{"moves": moves} for moves in moving]}
-    return {"verdict": list(verdict), "unexplained": {"where": list(where)}, "advice": list(advice), "world": world}
+    return {"verdict": list(verdict), "causes": [], "unexplained": {"where": list(where)}, "advice": list(advice), "world": world}
 
 
 def test_an_interval_shows_no_more_than_all_of_the_gap() -> None:
@@ -143,7 +143,11 @@ def test_what_is_left_beside_suspected_effects_is_stated_as_such() -> None:
 
 
 def test_what_is_left_is_looked_for_on_its_parts() -> None:
-    assert where_to_look(("door", "sill")).startswith("Look at door and sill: ")
+    assert where_to_look(("door", "sill")) == (
+        "Look at door and sill, where most of the error lies: check whether they are as drawn and in place, and whether they are glossy, wet or "
+        "transparent. If nothing is to be seen there, the cause is the camera's or the light's."
+    )
+    assert where_to_look(("rear",), (), ("multipath",)).endswith("the cause is the camera's or the light's (suspected: multipath).")
     assert where_to_look(()).startswith("Look at the maps of the report: ")
     assert where_to_look(("door",), ("attitude",)).startswith("Check the camera's mount")
 
@@ -180,7 +184,7 @@ def test_pixels_that_no_bias_explains_are_stated_by_their_share() -> None:
 
 
 def test_an_effect_that_is_contradicted_is_stated_with_what_contradicts_it() -> None:
-    like = "Something acts where lens scatter would, but not as it does: simulated, it leaves most of the error there."
+    like = "Lens scatter was fitted and rejected: simulated, it would leave most of the error on the pixels that it changes, so another cause acts on these."
     assert unexplained_words(Unexplained(0.324, structured=True, depends_on=(), where=(), resembles=("lens_scatter",))).endswith(f" {like}")
     left = {"depends_on": [], "where": ["door"], "resembles": ["lens_scatter"]}
     report = {"verdict": ["unknown"], "causes": [], "gap": {"shrink": None}, "unexplained": left}
