@@ -151,7 +151,7 @@ def _compared(
     from toftwin.against import diagnose_simulated
 
     say("the simulator's bag")
-    simulated = diagnose_simulated(args.against, caster, config, known=known, left_out=left_out, progress=say)
+    simulated = diagnose_simulated(args.against, caster, real.camera, config, known=known, left_out=left_out, progress=say)
     compared = against(real, simulated, caster.scene.names, config.against, known, left_out)
     args.out.mkdir(parents=True, exist_ok=True)
     (args.out / "against.json").write_text(json.dumps(compared.to_dict(), indent=1, allow_nan=False))
