@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_gap.tell.difference import Apart
     from tof_gap.union import Member
+    from tof_sensor.effect import Effect
     from tof_sensor.frame import Frame
     from tof_sensor.model import SensorModel
 
@@ -66,14 +67,8 @@ def against(
         left_out: names of effects that are not considered.
     """
     limits, removed = limits or AgainstLimits(), () if known is None else known.holding_in(real.solved.caster.scene.digest).effects
-    camera, simulator = sensor_model(real), sensor_model(simulated)
-    pair = Pair(real, camera, simulator, tuple(parts), limits, simulated.account.figures.unsure2, removed)
-    mirrored = Pair(simulated, simulator, camera, tuple(parts), limits, real.account.figures.unsure2, removed)
-    taken = same_effect(real.causes, simulated.causes, (pair.real_maps.keys(), pair.simulated_maps.keys()))
-    pair.renamed(taken)
-    mirrored.renamed(taken)
-    gain = real.config.select.gain
-    sides = real, simulated
+    gain, sides = real.config.select.gain, (real, simulated)
+    pair, mirrored, taken = _paired(real, simulated, tuple(parts), limits, removed)
     union = members(sides, taken, pair.unit, OF_MAPS)
     joint: dict[str, Apart] = {}
     if union is not None:
@@ -82,10 +77,7 @@ def against(
         _seen(sides, union, joint, (pair, mirrored), gain)
     one_sided = set(pair.real_maps) ^ set(pair.simulated_maps)
     for name in one_sided & joint.keys():
-        # Only where it differs: of effects that look alike, each session may have another one for the same error.
-        if joint[name].differs and min(joint[name].real, joint[name].simulated) >= gain:
-            pair.fill(name, joint[name].real, joint[name].simulated)
-            mirrored.fill(name, joint[name].simulated, joint[name].real)
+        _fill(name, joint[name], (pair, mirrored), gain)
     in_own_unit = {HandEye.NAME} if mounts_differ(real, simulated) else set[str]()
     trials = (pair.by_coefficients(n, joint[n]) if n in joint else pair.difference(n, of_size=n not in in_own_unit) for n in pair.names)
     found = [d for d in trials if d is not None]
@@ -115,6 +107,29 @@ def against(
         _untested(real, simulated, known),
         None if Dropout.NAME in {d.effect for d in differences} | same else _missing(real, simulated, limits),
     )
+
+
+def _paired(
+    real: Diagnosis, simulated: Diagnosis, parts: tuple[str, ...], limits: AgainstLimits, removed: Sequence[Effect]
+) -> tuple[Pair, Pair, dict[str, str]]:
+    """The maps of both on the real session's views and on the simulator's, and of tied effects the name under which both are compared."""
+    camera, simulator = sensor_model(real), sensor_model(simulated)
+    pair = Pair(real, camera, simulator, parts, limits, simulated.account.figures.unsure2, removed)
+    mirrored = Pair(simulated, simulator, camera, parts, limits, real.account.figures.unsure2, removed)
+    taken = same_effect(real.causes, simulated.causes, (pair.real_maps.keys(), pair.simulated_maps.keys()))
+    pair.renamed(taken)
+    mirrored.renamed(taken)
+    return pair, mirrored, taken
+
+
+def _fill(name: str, found: Apart, pairs: tuple[Pair, Pair], gain: float) -> None:
+    """Give the session whose diagnosis did not name an effect its map, where its coefficients show it.
+
+    Only where it differs: of effects that look alike, each session may have another one for the same error.
+    """
+    if found.differs and min(found.real, found.simulated) >= gain:
+        pairs[0].fill(name, found.real, found.simulated)
+        pairs[1].fill(name, found.simulated, found.real)
 
 
 def _missing(real: Diagnosis, simulated: Diagnosis, limits: AgainstLimits) -> tuple[float, float] | None:
