@@ -106,6 +106,7 @@ def against(
         (unnamed(real), unnamed(simulated)),
         _untested(real, simulated, known),
         None if Dropout.NAME in {d.effect for d in differences} | same else _missing(real, simulated, limits),
+        {name: pair.sizes_mm(name) for name, a in joint.items() if a.within_maps},
     )
 
 

@@ -86,7 +86,10 @@ class Simulator:
             out.append(f"no albedo image: all surfaces without an albedo in the scene have {self.config.albedo:g} (--albedo)")
         by_thermometer = any(isinstance(e, TemperatureDrift) and (e.drift_m or e.drift_share) for e in effects)
         if by_thermometer and not np.isfinite(ideal.temperature):
-            out.append("no temperature: the drift per kelvin of sensor.yaml is left out, and only its warm-up with time is simulated")
+            out.append(
+                "no temperature: the drift per kelvin of sensor.yaml is left out, and what warms up with time is not the whole drift: publish the "
+                "camera's temperature"
+            )
         if not any(isinstance(e, FlyingPixels) for e in effects):
             out.append(
                 "edges stay as ideal as they are: sensor.yaml holds no mixed pixels (flying_pixels), and pixels that an edge filter in the camera "

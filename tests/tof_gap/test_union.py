@@ -63,7 +63,10 @@ def test_beside_a_coarse_map_a_difference_exceeds_the_errors_of_that_map(
     """Both have waves of 4 mm, of whose map a share of 6 % of the energy is wrong in each session: 1 mm."""
     monkeypatch.setattr(Wiggling, "ROUGH", rough)
     small = AmplitudeBias(per_ln_m=per_ln_m, reference=2000.0)
-    assert compared(diagnosis(evidence, WIGGLE), diagnosis(evidence, WIGGLE, small)).verdict == (verdict,)
+    found = compared(diagnosis(evidence, WIGGLE), diagnosis(evidence, WIGGLE, small))
+    assert found.verdict == (verdict,)
+    assert list(found.within_maps) == (["amplitude_bias"] if verdict == "none" else [])
+    assert ("may err: no difference" in found.lines()[-1]) == (verdict == "none")
 
 
 def test_an_effect_that_one_diagnosis_missed_is_no_difference(evidence: tuple[ViewEvidence, ...]) -> None:

@@ -44,7 +44,7 @@ class Against:
     sizes_mm: of those that both have by their diagnoses, RMS in the camera's and the simulator's session, NaN without a map; as_stated: effects that both have, and that
     differ by no more than the stated calibration allows; unnamed: of the camera's and of the simulator's session; not_testable: effects
     that the simulator's session cannot test, each with the reason; missing: shares of the CAD's pixels without depth in both sessions, where
-    they differ and no effect says why.
+    they differ and no effect says why; within_maps: effects whose difference errors of another effect's coarse map may make, with both sizes.
     """
 
     distance: Shrink
@@ -55,6 +55,7 @@ class Against:
     unnamed: tuple[Unnamed | None, Unnamed | None] = (None, None)
     not_testable: Mapping[str, str] = field(default_factory=dict)
     missing: tuple[float, float] | None = None
+    within_maps: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def verdict(self) -> tuple[str, ...]:
@@ -86,11 +87,15 @@ class Against:
         """What is alike, what has no certain cause, and what could not be tested."""
         both = [self._alike(name) for name in self.alike]
         both += [f"{name} differs by no more than the stated calibration: no difference" for name in self.as_stated]
+        both += [
+            f"{name} ({real:.2f} mm real, {simulated:.2f} mm simulated) differs by no more than the map of another effect may err: no difference"
+            for name, (real, simulated) in self.within_maps.items()
+        ]
         if self.missing is not None:
             real, simulated = (in_percent(share) for share in self.missing)
             both.append(
                 f"no depth on {real} of the CAD's pixels in the camera's bag, and on {simulated} in the simulator's: no named effect makes this "
-                "difference. An edge filter removes such pixels by design, and no sensor.yaml simulates it"
+                "difference. Filters of a camera, such as one at edges, remove pixels by design, and sensor.yaml does not simulate them"
             )
         reasons: dict[str, list[str]] = {}
         for name, why in self.not_testable.items():
@@ -116,6 +121,7 @@ class Against:
             "alike": list(self.alike),
             "alike_mm": {name: list(both) for name, both in self.sizes_mm.items() if np.isfinite(both).all()},
             "as_stated": list(self.as_stated),
+            "within_maps_mm": {name: list(both) for name, both in self.within_maps.items()},
             "unknown": {
                 side: {"rms_mm": u.rms_mm, "suspected": list(u.suspected)}
                 for side, u in zip(SIDES, self.unnamed, strict=True)

@@ -115,6 +115,11 @@ class Apart(NamedTuple):
     of_maps: float = 0.0
 
     @property
+    def within_maps(self) -> bool:
+        """Whether errors of another effect's map may make the difference that the sessions show."""
+        return self.differs and self.difference < self.of_maps
+
+    @property
     def ratio(self) -> float:
         """Size of the difference over that of the effect in the session that has more of it."""
         return float(np.sqrt(self.difference / max(self.real, self.simulated, 1e-12)))

@@ -166,7 +166,7 @@ class Pair:
 
     def by_coefficients(self, name: str, found: Apart) -> Difference | None:
         """One effect by its coefficients in both sessions; None where they agree, or differ by little."""
-        if not found.differs or found.difference < found.of_maps or found.share < self.limits.shrink or found.ratio < self.limits.apart:
+        if not found.differs or found.within_maps or found.share < self.limits.shrink or found.ratio < self.limits.apart:
             return None
         has = name in self.real_maps, name in self.simulated_maps
         real, simulated = self.sizes_mm(name)
