@@ -62,7 +62,7 @@ def score_pairs(folder: Path) -> list[PairRow]:
         sealed, report = opened(folder, name), folder / REPORTS / name
         if (report / CODE).exists():
             pair = json.loads((sealed / "pair.json").read_text())
-            out.append(scored(pair, _answer(report / ANSWER), partial(_one_to_any_observer, pair, sealed, folder / BAGS / name)))
+            out.append(scored(pair, answer(report / ANSWER), partial(_one_to_any_observer, pair, sealed, folder / BAGS / name)))
     return out
 
 
@@ -109,8 +109,12 @@ def _shares(changed: str, asked: dict[str, float], reached: dict[str, float]) ->
     return reached[changed] >= LEAST_REACHED * asked[changed] * GOALS[CAUSES[changed].metric]
 
 
-def _answer(path: Path) -> dict[str, str] | None:
+def answer(path: Path) -> dict[str, str] | None:
+    """Effects named in an against.json, and what the simulator does with each; `unknown` alone where nothing is certain, None without a file."""
     if not path.exists():
         return None
-    rows = json.loads(path.read_text())["differences"]
+    content = json.loads(path.read_text())
+    rows = content["differences"]
+    if content["verdict"] == ["unknown"]:
+        return {"unknown": ""}
     return {"|".join(sorted({row["effect"], *row.get("tied_with", [])})): row["simulator"] for row in rows}

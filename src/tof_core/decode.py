@@ -87,7 +87,7 @@ def decode_depth(msg: Any, where: str = "", *, scale: float = 0.001) -> tuple[Im
     """Depth (H, W) in metres, NaN invalid, and the reason map (H, W).
 
     Raw or compressed. Integer images: `scale` metres a count (REP 118: 1 mm); 0 is no return, 65535 saturated.
-    32FC1: NaN and +inf are no return (REP 117: nothing seen), -inf is out of range (too close).
+    32FC1: NaN, +inf (REP 117: nothing seen) and depths from `NOTHING_M` on are no return, -inf is out of range (too close).
     REP 118 allows 0.0 as a depth of zero. No camera measures that, and publishers write 0.0 for
     "no depth", so it counts as no return. A negative depth is out of range.
     """
@@ -96,6 +96,10 @@ def decode_depth(msg: Any, where: str = "", *, scale: float = 0.001) -> tuple[Im
         what = f"encoding '{encoding}' holds no depth"
         raise DecodeError(what, where=where, todo=f"use a topic with {', '.join(DEPTH_ENCODINGS)}")
     return depth_of_counts(raster, scale) if raster.dtype.kind == "u" else _float_depth(raster)
+
+
+NOTHING_M = 1e6
+"""Metres from which depth stands for "nothing there": renderers write 1e10 for it (Blender), and no depth is so large, in millimetres either."""
 
 
 def depth_of_counts(raster: NDArray[Any], scale: float = 0.001) -> tuple[Image, Bytes]:
@@ -118,7 +122,7 @@ def _count_tables(scale: float) -> tuple[Image, Bytes]:
 def _float_depth(raster: NDArray[Any]) -> tuple[Image, Bytes]:
     depth = raster.astype(np.float32)
     reason = np.zeros(depth.shape, np.uint8)
-    valid = (depth > 0) & (depth < np.inf)
+    valid = (depth > 0) & (depth < NOTHING_M)
     if not valid.all():
         reason[~valid] = Reason.NO_RETURN
         reason[depth < 0] = Reason.OUT_OF_RANGE

@@ -15,22 +15,20 @@ import numpy as np
 from tof_core.shares import in_percent
 from tof_gap.calibration_apart import as_calibrated, mounts_differ
 from tof_gap.second import as_fitted, enlarged
-from tof_gap.seen.photons import least_mm
-from tof_gap.seen.residual import noise_again
-from tof_gap.tell.difference import LACKS, STRONG, SUPERFLUOUS, WEAK, Against, AgainstLimits, Difference
-from tof_gap.tell.levels_apart import Level, Noisy, Seen, ambient_apart, mixing_apart, noise_apart, steps_apart, wraps_apart
+from tof_gap.tell.comparison import Against, unnamed
+from tof_gap.tell.difference import LACKS, STRONG, SUPERFLUOUS, WEAK, AgainstLimits, Difference
+from tof_gap.tell.levels_apart import Level, Seen, mixing_apart, steps_apart, wraps_apart
 from tof_gap.tell.light_apart import light_apart
 from tof_gap.tell.loss_apart import Lossy, loss_apart
 from tof_gap.tell.maps_apart import OF_SINGLE_PIXELS, Pair
-from tof_gap.tell.noise_parts import part_apart
-from tof_gap.tell.report import sensor_model
+from tof_gap.tell.noise_apart import made_by, noise_apart, not_comparable
+from tof_gap.tell.report import sensor_model, without_depth
 from tof_gap.tell.tied import same_effect, ties
 from tof_gap.union import apart, members, with_known
-from tof_sensor.effect import Evidence
-from tof_sensor.effects.cad_deviation import CadDeviation
+from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.hand_eye import HandEye
-from tof_sensor.effects.interference import Interference
+from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.quantization import Quantization
 
@@ -39,10 +37,10 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float
     from tof_gap.second import AsFitted
-    from tof_gap.seen.residual import ViewEvidence
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_gap.tell.difference import Apart
     from tof_gap.union import Member
+    from tof_sensor.effect import Effect
     from tof_sensor.frame import Frame
     from tof_sensor.model import SensorModel
 
@@ -69,14 +67,8 @@ def against(
         left_out: names of effects that are not considered.
     """
     limits, removed = limits or AgainstLimits(), () if known is None else known.holding_in(real.solved.caster.scene.digest).effects
-    camera, simulator = sensor_model(real), sensor_model(simulated)
-    pair = Pair(real, camera, simulator, tuple(parts), limits, simulated.account.figures.unsure2, removed)
-    mirrored = Pair(simulated, simulator, camera, tuple(parts), limits, real.account.figures.unsure2, removed)
-    taken = same_effect(real.causes, simulated.causes, (pair.real_maps.keys(), pair.simulated_maps.keys()))
-    pair.renamed(taken)
-    mirrored.renamed(taken)
-    gain = real.config.select.gain
-    sides = real, simulated
+    gain, sides = real.config.select.gain, (real, simulated)
+    pair, mirrored, taken = _paired(real, simulated, tuple(parts), limits, removed)
     union = members(sides, taken, pair.unit, OF_MAPS)
     joint: dict[str, Apart] = {}
     if union is not None:
@@ -85,26 +77,82 @@ def against(
         _seen(sides, union, joint, (pair, mirrored), gain)
     one_sided = set(pair.real_maps) ^ set(pair.simulated_maps)
     for name in one_sided & joint.keys():
-        # Only where it differs: of effects that look alike, each session may have another one for the same error.
-        if joint[name].differs and min(joint[name].real, joint[name].simulated) >= gain:
-            pair.fill(name, joint[name].real, joint[name].simulated)
-            mirrored.fill(name, joint[name].simulated, joint[name].real)
+        _fill(name, joint[name], (pair, mirrored), gain)
     in_own_unit = {HandEye.NAME} if mounts_differ(real, simulated) else set[str]()
     trials = (pair.by_coefficients(n, joint[n]) if n in joint else pair.difference(n, of_size=n not in in_own_unit) for n in pair.names)
     found = [d for d in trials if d is not None]
     shares = [p.shown([d.effect for d in found]) for p in (pair, mirrored)]
     # Free poses take up a mount: what is left of it shows errors of the maps.
     alike = tuple(d.effect for d in found if d.effect not in in_own_unit and any(s[d.effect] < limits.shown for s in shares))
-    both = [n for n, a in joint.items() if n in one_sided and n not in {d.effect for d in found} and a.ratio < limits.shown]
+    missed = [n for n, a in joint.items() if n in one_sided and n not in {d.effect for d in found} and a.ratio < limits.shown]
     stated = as_calibrated(real, simulated)
-    alike = tuple(sorted({*alike, *both} - set(stated)))
+    alike = tuple(sorted({*alike, *missed} - set(stated)))
     unlike = [d for d in found if d.effect not in (*alike, *stated)]
     tied = ties(real.causes, simulated.causes, taken)
     biases = [replace(d, ties=tied.get(d.effect, ())) for d in unlike]
     biases.sort(key=lambda d: -(d.shrink or 0.0))
     distance = pair.distance([n for n in pair.names if n not in (*alike, *stated)])
     lost, lost_alike = _loss(pair, simulated, limits)
-    return Against(distance, (*biases, *lost, *_levels(pair, simulated, limits, known, biases)), (*alike, *lost_alike), stated)
+    differences = (*biases, *lost, *_levels(pair, simulated, limits, known, biases))
+    both = _sizes_of_both(pair, simulated)
+    same = {*alike, *lost_alike, *both} - {d.effect for d in differences} - set(stated)
+    sizes = {name: both[name] for name in sorted(same & both.keys())}
+    return Against(
+        distance,
+        differences,
+        tuple(sorted(same)),
+        stated,
+        sizes,
+        (unnamed(real), unnamed(simulated)),
+        _untested(real, simulated, known),
+        None if Dropout.NAME in {d.effect for d in differences} | same else _missing(real, simulated, limits),
+        {name: pair.sizes_mm(name) for name, a in joint.items() if a.within_maps},
+    )
+
+
+def _paired(
+    real: Diagnosis, simulated: Diagnosis, parts: tuple[str, ...], limits: AgainstLimits, removed: Sequence[Effect]
+) -> tuple[Pair, Pair, dict[str, str]]:
+    """The maps of both on the real session's views and on the simulator's, and of tied effects the name under which both are compared."""
+    camera, simulator = sensor_model(real), sensor_model(simulated)
+    pair = Pair(real, camera, simulator, parts, limits, simulated.account.figures.unsure2, removed)
+    mirrored = Pair(simulated, simulator, camera, parts, limits, real.account.figures.unsure2, removed)
+    taken = same_effect(real.causes, simulated.causes, (pair.real_maps.keys(), pair.simulated_maps.keys()))
+    pair.renamed(taken)
+    mirrored.renamed(taken)
+    return pair, mirrored, taken
+
+
+def _fill(name: str, found: Apart, pairs: tuple[Pair, Pair], gain: float) -> None:
+    """Give the session whose diagnosis did not name an effect its map, where its coefficients show it.
+
+    Only where it differs: of effects that look alike, each session may have another one for the same error.
+    """
+    if found.differs and min(found.real, found.simulated) >= gain:
+        pairs[0].fill(name, found.real, found.simulated)
+        pairs[1].fill(name, found.simulated, found.real)
+
+
+def _missing(real: Diagnosis, simulated: Diagnosis, limits: AgainstLimits) -> tuple[float, float] | None:
+    """Shares of the CAD's pixels without depth in both sessions; None where they do not differ."""
+    shares = without_depth(real), without_depth(simulated)
+    more, less = max(shares), min(shares)
+    return shares if more - less > limits.loss and more > limits.shares * less else None
+
+
+def _sizes_of_both(pair: Pair, simulated: Diagnosis) -> dict[str, tuple[float, float]]:
+    """Effects that both sessions have, with their RMS in mm in either; NaN for those of noise, loss and edges, which have no map."""
+    found = [{f.name for f in side.findings if not f.expected} for side in (pair.real, simulated)]
+    return dict.fromkeys(found[0] & found[1], (np.nan, np.nan)) | {
+        n: pair.sizes_mm(n) for n in pair.real_maps.keys() & pair.simulated_maps.keys()
+    }
+
+
+def _untested(real: Diagnosis, simulated: Diagnosis, known: SensorModel | None) -> dict[str, str]:
+    """Effects that the simulator's session cannot test, with the reason. Its noise is compared without a photon law, too."""
+    noise = not_comparable(real, simulated, known)
+    others = {name: why for name, why in simulated.not_testable.items() if name != Noise.NAME}
+    return others | ({Noise.NAME: noise} if noise else {})
 
 
 def _seen(sides: Sequence[Diagnosis], union: Sequence[Member], joint: Mapping[str, Apart], pairs: tuple[Pair, Pair], gain: float) -> None:
@@ -166,11 +214,11 @@ def _levels(
         out.append(_difference(steps, f"steps of {steps.real:.1f} mm real, {steps.simulated:.1f} mm simulated", in_mm=True))
     # A camera that merges its frequencies badly is noisier, too: that noise is no effect of its own, in a diagnosis as here.
     merges = all(d.effect != PhaseWrap.NAME for d in out)
-    noise = _noise(pair, simulated, limits, known, seen) if merges else None
+    noise = noise_apart(pair, simulated, limits, known, seen) if merges else None
     if (
         noise is not None
         and noise[1].effect not in {d.effect for d in out}
-        and not _made_by(noise[1], pair.real, simulated, [*biases, *out])
+        and not made_by(noise[1], pair.real, simulated, [*biases, *out])
     ):
         of, level = noise
         out.append(_difference(level, f"{level.real:.2f} mm real, {level.simulated:.2f} mm simulated {of}in one capture", in_mm=True))
@@ -179,71 +227,12 @@ def _levels(
     return out
 
 
-def _noise(pair: Pair, simulated: Diagnosis, limits: AgainstLimits, known: SensorModel | None, seen: Seen) -> tuple[str, Level] | None:
-    """Noise in which both differ: of what, and its level; that of most pixels first, else of lines or of single pixels.
-
-    Foreign light may be little beside the camera's own noise: then the light is compared alone.
-    """
-    law = (None if known is None else known.law) or pair.real.law
-    if law is not None:
-        sides = Noisy(_quiet(pair.real), pair.camera, 1.0), Noisy(_quiet(simulated), pair.simulator, 1.0 / pair.unit)
-        level = noise_apart(*sides, law, seen)
-        least = least_mm([*pair.real.evidence, *simulated.evidence], pair.real.config.noise)
-        if level is not None and not level.within(limits.noise) and _excess_mm(level) > least:
-            return "", level
-        if known is not None and known.law is not None and level is not None and not level.within(limits.light):
-            light = ambient_apart(*sides, known.law, seen, pair.real.config.noise.law_excess)
-            if light is not None and not light.within(limits.shares) and _excess_mm(light) > least:
-                return "beyond the photon law ", light
-    found = part_apart(_bare(pair.real), _bare(simulated), pair.real.config.noise, limits.noise)
-    return None if found is None else (f"{found[0]} ", found[1])
-
-
 def _unfiltered(wraps: Level, mixing: Level) -> bool:
     """Whether more wrapped pixels are those of a filter that is off: it removes mixed pixels and wrapped ones.
 
     Then one of both has no mixed pixels, and both have wrapped ones, the other more of them.
     """
     return all(wraps.has) and mixing.has in ((True, False), (False, True)) and mixing.has[0] == (wraps.real > wraps.simulated)
-
-
-MAKE_NOISE = frozenset({FixedPattern.NAME, Quantization.NAME, Interference.NAME})
-"""Effects that are no noise, and of which more makes more noise."""
-
-
-def _made_by(noise: Level, real: Diagnosis, simulated: Diagnosis, differences: Sequence[Difference]) -> bool:
-    """Whether more noise is what more fixed pattern or coarser steps make.
-
-    The camera's filters change the offsets of pixels from view to view: what a map of the pattern misses grows with the pattern. Coarse
-    steps make contours, and another camera's light is noise as well. The diagnosis of the noisier session decides whether it has noise besides.
-    """
-    noisier = real if noise.real > noise.simulated else simulated
-    more = [d for d in differences if d.effect in MAKE_NOISE and (d.real_mm > d.simulated_mm) == (noisier is real)]
-    own = [f.name for f in noisier.findings if f.effect.EVIDENCE is Evidence.NOISE and f.name not in MAKE_NOISE]
-    return bool(more) and not own
-
-
-def _bare(session: Diagnosis) -> Sequence[ViewEvidence]:
-    """A session's views less all smooth bias."""
-    return session.account.solved.bare
-
-
-def _quiet(session: Diagnosis) -> Sequence[ViewEvidence]:
-    """A session's views with the noise of their pixels; beside a fixed pattern the held-out views alone, with the pattern taken off.
-
-    Beside parts that do not stand as the CAD, it is read again without their error: what differs between neighbours there is no noise.
-    Constant offsets of pixels differ from neighbour to neighbour as noise does, and averaging of captures does not reduce them. In the
-    views that the pattern was estimated from, its map holds a part of the noise.
-    """
-    figures = session.account.figures
-    if FixedPattern.NAME not in figures.maps:
-        return noise_again(_bare(session)) if CadDeviation.NAME in figures.maps else _bare(session)
-    return [replace(session.evidence[v], sigma=np.sqrt(figures.noise2[v])) for v in figures.held]
-
-
-def _excess_mm(noise: Level) -> float:
-    """Noise that the noisier session has beyond the other's."""
-    return float(np.sqrt(abs(noise.real**2 - noise.simulated**2)))
 
 
 def _difference(level: Level, note: str, *, in_mm: bool = False) -> Difference:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tof_core.camera import Camera
     from tof_sensor.effects.photon_law import PhotonLaw
     from tof_sensor.frame import Frame
-    from tof_sensor.session import Session
+    from tof_sensor.session import Course, Session
 
 
 class Evidence(Enum):
@@ -115,9 +115,9 @@ class Effect(ABC):
         """Its size in words, in the effect's units; empty where millimetres of depth are enough."""
         return ""
 
-    def stated_in(self, session_s: float) -> str:
-        """`stated` for a session of `session_s` seconds: without times longer than the session."""
-        del session_s
+    def stated_in(self, course: Course) -> str:
+        """`stated` for a session: what its duration and temperatures determine."""
+        del course
         return self.stated
 
     @property

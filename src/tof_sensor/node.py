@@ -38,7 +38,7 @@ class SensorNode(ManagedNode[SensorNodeConfig]):
     def __init__(self, **options: Any) -> None:
         """Make the outputs; the sensor model is loaded by `load`."""
         super().__init__(NAME, NAME, SensorNodeConfig, fixed=("input.", "sensor.", "live."), **options)
-        self._refusal = ""
+        self._refusal, self._lens_note = "", list[str]()
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
         self._depth = DepthOutput(self, "depth", self._outputs["depth"], lambda: self.config.live.depth_code)
         self.service("flush", self.flush)
@@ -88,7 +88,7 @@ class SensorNode(ManagedNode[SensorNodeConfig]):
 
     def _simulate(self, ideal: Capture) -> None:
         measured = self._camera.measured(ideal, self._normals.at(ideal))
-        self._refusal, amplitude = "", measured.amplitude
+        self._refusal, self._lens_note, amplitude = "", self._camera.lens_note(ideal), measured.amplitude
         assert amplitude is not None
         head = messages.header(ideal.stamp_ns, ideal.camera.frame_id)
         self._depth.offer(measured.depth, head)
@@ -111,8 +111,8 @@ class SensorNode(ManagedNode[SensorNodeConfig]):
         return {"effects": " ".join(self._camera.model.names), "scene": self.config.live.scene}
 
     def warnings(self) -> list[str]:
-        """Refused frames, and effects that need a scene."""
-        out = [self._refusal] if self._refusal else []
+        """Refused frames, another lens, and effects that need a scene."""
+        out = [self._refusal] if self._refusal else self._lens_note.copy()
         if lacking := self._camera.without_effect:
             out.append(f"without a scene these do nothing: {', '.join(lacking)} (live.scene)")
         return out

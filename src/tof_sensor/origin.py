@@ -30,10 +30,13 @@ class Promise:
     high: float
 
 
-def check_camera(fitted: Camera | None, here: Camera, *, any_lens: bool = False) -> None:
+USE_OWN = "diagnose a session of this camera with `toftwin gap` and use its sensor.yaml"
+
+
+def check_camera(fitted: Camera | None, here: Camera, *, any_lens: bool = False, todo: str = USE_OWN) -> None:
     """Refuse a model of another camera, or of another calibration of its lens; a model without a camera is valid for all.
 
-    any_lens: whether the calibrations may differ as far as those of two units of one type (`LENS_FAULT`).
+    any_lens: whether the calibrations may differ as far as those of two units of one type (`LENS_FAULT`); todo: what is to be done otherwise.
 
     Raises:
         RefusedError: the cameras differ.
@@ -43,7 +46,7 @@ def check_camera(fitted: Camera | None, here: Camera, *, any_lens: bool = False)
         differs = _differ(fitted, here, LENS, LENS_FAULT * here.width)
     if differs:
         msg = f"was fitted to another camera ({', '.join(differs)})"
-        raise RefusedError(msg, where="sensor.yaml", todo="diagnose a session of this camera with `toftwin gap` and use its sensor.yaml")
+        raise RefusedError(msg, where="sensor.yaml", todo=todo)
 
 
 def differences(fitted: Camera | None, here: Camera) -> list[str]:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,14 @@ WARMING_S = 60.0
 """Seconds from which a camera may warm up with a steady thermometer."""
 PART_PIXELS = 150
 """Fewest drawn pixels of a part, over the session, for hypotheses on it."""
+
+
+class Course(NamedTuple):
+    """A session's duration in seconds, and the temperature of its first and of its last view in degrees Celsius, NaN where unknown."""
+
+    seconds: float
+    first_c: float = float("nan")
+    last_c: float = float("nan")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,9 +13,12 @@ from tof_core.config import param
 from tof_core.errors import ConfigError, RefusedError
 from tof_core.reasons import Reason
 from tof_scene.render import render
+from tof_sensor.effects.flying_pixels import FlyingPixels
+from tof_sensor.effects.temperature_drift import TemperatureDrift
 from tof_sensor.frame import Context, ideal_frame, twist_of
 from tof_sensor.ideal import completed, imaged
 from tof_sensor.model import SensorModel, load_model
+from tof_sensor.origin import check_camera, differences
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Image
@@ -26,6 +29,8 @@ if TYPE_CHECKING:
 
 NOISY_SHARE = 0.25
 """Noise, as a share of depth, above which a pixel has no depth: four sigmas reach the camera, and the phase is unknown."""
+
+OWN_LENS = "give the simulator the resolution and the CameraInfo of the camera, since every pixel of its image is another ray otherwise"
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +74,29 @@ class Simulator:
         """Names of the model's effects that are absent without a scene."""
         return () if self.caster is not None else tuple(sorted({e.NAME for e in self.model.effects if e.needs_scene}))
 
+    def lens_note(self, ideal: Capture) -> list[str]:
+        """That the simulator's lens is another calibration than the model's; nothing where it is the same."""
+        lens = differences(self.model.camera, ideal.camera)
+        return [f"the simulator's CameraInfo is not that of sensor.yaml ({', '.join(lens)}): {OWN_LENS}"] if lens else []
+
+    def notes(self, ideal: Capture) -> list[str]:
+        """What a capture of this kind lacks, and what is done instead, in sentences."""
+        out, effects = self.lens_note(ideal), self.model.effects
+        if ideal.amplitude is None and self.config.light == "albedo":
+            out.append(f"no albedo image: all surfaces without an albedo in the scene have {self.config.albedo:g} (--albedo)")
+        by_thermometer = any(isinstance(e, TemperatureDrift) and (e.drift_m or e.drift_share) for e in effects)
+        if by_thermometer and not np.isfinite(ideal.temperature):
+            out.append(
+                "no temperature: the drift per kelvin of sensor.yaml is left out, and what warms up with time is not the whole drift: publish the "
+                "camera's temperature"
+            )
+        if not any(isinstance(e, FlyingPixels) for e in effects):
+            out.append(
+                "edges stay as ideal as they are: sensor.yaml holds no mixed pixels (flying_pixels), and pixels that an edge filter in the camera "
+                "removes are not simulated"
+            )
+        return out
+
     def reset(self) -> None:
         """Begin a session with the next capture."""
         self._start = None
@@ -81,8 +109,9 @@ class Simulator:
             normal: (H, W, 3) unit normals in the camera frame, if the simulator gives them.
 
         Raises:
-            RefusedError: the camera's unit of amplitude is not known.
+            RefusedError: the camera's unit of amplitude is not known, or the capture is of another camera than the model's.
         """
+        check_camera(self.model.camera, ideal.camera, any_lens=True, todo=OWN_LENS)
         rng = np.random.default_rng([self.config.seed, ideal.stamp_ns])
         frame = ideal_frame(self._rendering(ideal, normal), self._context(ideal), *self._light(ideal))
         made = self.model.apply(frame, rng)

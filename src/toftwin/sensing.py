@@ -42,10 +42,11 @@ class SensingConfig:
 
 @dataclass(slots=True)
 class Tally:
-    """Counts of a bag's frames and pixels."""
+    """Counts of a bag's frames and pixels; notes: what the ideal bag lacks, and what is done instead."""
 
     effects: tuple[str, ...]
     without_effect: tuple[str, ...]
+    notes: list[str] = field(default_factory=list)
     frames: int = 0
     pixels: int = 0
     lost: int = 0
@@ -68,6 +69,7 @@ class Tally:
             "frames": self.frames,
             "effects": list(self.effects),
             "without_effect": list(self.without_effect),
+            "notes": self.notes,
             "lost": self.lost / max(self.pixels, 1),
             "rms_mm": 1e3 * float(np.sqrt(self.change2_m2 / kept)),
             "ms_per_frame": 1e3 * median(self.seconds) if self.seconds else None,
@@ -85,7 +87,7 @@ def sense_bag(reader: BagReader, out: Path, config: SimulatorConfig, caster: Ray
         normals_topic: images of unit normals (32FC3, camera frame); empty finds them from the depth.
 
     Raises:
-        RefusedError: no frame can be read, or the camera's unit of amplitude is not known. Then no bag is written.
+        RefusedError: no frame can be read, the camera is not that of the model, or its unit of amplitude is not known. Then no bag is written.
     """
     camera = Simulator.load(config, caster)
     tally = Tally(camera.model.names, camera.without_effect)
@@ -97,6 +99,7 @@ def sense_bag(reader: BagReader, out: Path, config: SimulatorConfig, caster: Ray
                     bag.raw(m.topic, m.type, m.cdr, m.stamp_ns)
             captures = reader.captures(need_tf=caster is not None, repeats=True)
             for capture, normal in _with_normals(progress(captures, "sensor", reader.frame_count), reader, normals_topic):
+                tally.notes = tally.notes or camera.notes(capture)
                 started = time.process_time()
                 measured = camera.measured(capture, normal)
                 tally.add(capture, measured, time.process_time() - started)

@@ -3,16 +3,20 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
 from benchmarks.against.pairs import MISSING, NO_SIZE, RIGHT, SIMULATORS, SUPERFLUOUS, TWICE, draw_pairs
 from benchmarks.against.record import rendered
-from benchmarks.against.score import scored
+from benchmarks.against.score import answer, scored
 from benchmarks.emerging.healthy import draw
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 PAIRS = draw_pairs(80, 1)
 
@@ -108,3 +112,11 @@ def test_a_cause_of_stated_size_always_counts() -> None:
     nan = float("nan")
     sides = [{"bumped_mount": nan}, {"bumped_mount": nan}]
     assert scored(pair(TWICE, "bumped_mount", {"bumped_mount": 1.0}, {"bumped_mount": 2.0}, sides), {}).counts
+
+
+def test_an_unknown_comparison_of_a_right_simulator_is_no_hit(tmp_path: Path) -> None:
+    report = tmp_path / "against.json"
+    for verdict, hit in ((["unknown"], False), (["none"], True)):
+        report.write_text(json.dumps({"verdict": verdict, "differences": []}))
+        assert scored(pair(RIGHT, "", {}, {}, [{}, {}]), answer(report)).hit is hit
+    assert answer(tmp_path / "refused.json") is None

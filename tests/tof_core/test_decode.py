@@ -60,11 +60,11 @@ def test_integer_depth_is_counts_times_scale_but_for_both_invalid_codes(
 
 
 def test_float_depth_follows_rep_117_and_takes_zero_for_no_return() -> None:
-    values = np.array([[1.5, np.nan, np.inf], [-np.inf, 0.0, -0.2]], np.float32)
+    values = np.array([[1.5, np.nan, np.inf, 1e10], [-np.inf, 0.0, -0.2, 2500.0]], np.float32)
     depth, reason = decode_depth(image(values, "32FC1"))
-    np.testing.assert_array_equal(depth, np.array([[1.5, np.nan, np.nan], [np.nan, np.nan, np.nan]], np.float32))
+    np.testing.assert_array_equal(depth, np.array([[1.5, np.nan, np.nan, np.nan], [np.nan, np.nan, np.nan, 2500.0]], np.float32))
     none, out = Reason.NO_RETURN, Reason.OUT_OF_RANGE
-    np.testing.assert_array_equal(reason, [[Reason.VALID, none, none], [out, none, out]])
+    np.testing.assert_array_equal(reason, [[Reason.VALID, none, none, none], [out, none, out, Reason.VALID]])
 
 
 @given(hnp.arrays(np.uint16, (3, 4)))

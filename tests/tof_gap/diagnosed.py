@@ -23,8 +23,8 @@ from tof_sensor.effects.quantization import Quantization
 
 if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.tell.comparison import Against
     from tof_gap.tell.diagnosis import Diagnosis
-    from tof_gap.tell.difference import Against
     from tof_sensor.effect import Effect
 
 HELD = tuple(range(0, VIEWS, 3))
@@ -82,6 +82,7 @@ def diagnosis(
         ),
     )
     made = {
+        "verdict": ("none",),
         "config": GapConfig(),
         "evidence": evidence,
         "causes": causes,
@@ -94,7 +95,9 @@ def diagnosis(
         "unexplained": SimpleNamespace(structured=False),
         "not_testable": {},
     }
-    return cast("Diagnosis", SimpleNamespace(account=account, doubted=False, **made))
+    found = SimpleNamespace(account=account, doubted=False, **made)
+    found.suspected = lambda _: found.doubted
+    return cast("Diagnosis", found)
 
 
 def compared(real: Diagnosis, simulated: Diagnosis) -> Against:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -25,6 +26,7 @@ from tof_sensor.model import SensorModel
 
 if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.tell.diagnosis import Diagnosis
 
 WIGGLE = Wiggling(sine_m=0.006, modulation_mhz=90.0)
 WALK = AmplitudeBias(per_ln_m=0.004, reference=2000.0)
@@ -40,7 +42,57 @@ def test_the_same_effects_are_no_difference(evidence: tuple[ViewEvidence, ...]) 
     found = compared(diagnosis(evidence, WIGGLE, WALK), diagnosis(evidence, WIGGLE, WALK))
     assert found.verdict == ("none",)
     assert found.distance.shrink is None
-    assert "has the camera's effects" in found.lines()[-1]
+    assert (found.lines()[1], found.alike) == ("the simulator has the camera's effects", ("amplitude_bias", "wiggling"))
+    assert found.lines()[-1] == "both have wiggling (4.02 mm real, 4.02 mm simulated): no difference"
+    assert found.to_dict()["alike_mm"]["wiggling"] == pytest.approx([4.02, 4.02], abs=0.01)
+
+
+def test_two_sessions_without_an_effect_are_said_to_show_none(evidence: tuple[ViewEvidence, ...]) -> None:
+    found = compared(diagnosis(evidence), diagnosis(evidence))
+    assert (found.verdict, found.alike) == (("none",), ())
+    assert found.lines()[-1] == "simulator and camera differ in no effect: neither shows one"
+
+
+def unsure(evidence: tuple[ViewEvidence, ...], left_mm: float) -> Diagnosis:
+    """A session with wiggling of which nothing is certain: its own verdict is `unknown`, and so much is left above its noise."""
+    found = diagnosis(evidence, WIGGLE)
+    found.verdict = ("unknown",)  # type: ignore[misc]
+    found.doubted = True  # type: ignore[misc]
+    found.gap = SimpleNamespace(shown_mm=(left_mm, left_mm), shrink=None, ci95=None)  # type: ignore[misc,assignment]
+    return found
+
+
+def test_a_session_of_unknown_errors_leaves_the_comparison_unknown(evidence: tuple[ViewEvidence, ...]) -> None:
+    """4 mm of wiggling that the camera's diagnosis only suspects: the simulator without it is not said to be right."""
+    for real, simulated, side in (
+        (unsure(evidence, 4.0), diagnosis(evidence), "camera"),
+        (diagnosis(evidence), unsure(evidence, 4.0), "simulator"),
+    ):
+        found = compared(real, simulated)
+        assert (found.verdict, found.differences) == (("unknown",), ())
+        assert found.lines()[1] == "no effect is certain enough to be named as a difference"
+        assert f"the {side}'s bag has errors of 4.00 mm RMS without a certain cause; suspected: wiggling" in found.lines()[2]
+        assert found.to_dict()["unknown"] == {side: {"rms_mm": 4.0, "suspected": ["wiggling"]}}
+
+
+def test_unknown_errors_of_a_healthy_cameras_size_leave_nothing_open(evidence: tuple[ViewEvidence, ...]) -> None:
+    found = compared(unsure(evidence, 0.9), diagnosis(evidence))
+    assert (found.verdict, found.to_dict()["unknown"]) == (("none",), {})
+
+
+def test_beside_unknown_errors_a_certain_difference_is_listed(evidence: tuple[ViewEvidence, ...]) -> None:
+    found = compared(unsure(evidence, 4.0), diagnosis(evidence, DepthScale(0.01)))
+    assert (found.verdict, only(found).simulator) == (("depth_scale", "unknown"), SUPERFLUOUS)
+
+
+def test_what_the_simulators_bag_cannot_test_is_said_once_for_each_reason(evidence: tuple[ViewEvidence, ...]) -> None:
+    simulated = diagnosis(evidence)
+    simulated.not_testable.update(
+        {"amplitude_bias": "no amplitude image", "lens_scatter": "no amplitude image", "noise": "no amplitude image"}
+    )
+    found = compared(diagnosis(evidence), simulated)
+    assert found.lines()[-1] == "not testable in the simulator's bag: amplitude_bias, lens_scatter (no amplitude image)"
+    assert sorted(found.to_dict()["not_testable"]) == ["amplitude_bias", "lens_scatter"], "noise is compared by another way"
 
 
 def test_a_missing_effect_is_lacking_and_closes_the_distance(evidence: tuple[ViewEvidence, ...]) -> None:
@@ -181,7 +233,7 @@ def test_an_effect_that_the_poses_of_one_session_took_up_is_no_difference(eviden
     assert compared(missed, found).verdict == ("none",)
     result = compared(found, missed)
     assert (result.verdict, result.alike) == (("none",), ("wiggling",))
-    assert "the views of both show it alike" in result.lines()[-1]
+    assert "found in one bag alone, and the views of both show it alike" in result.lines()[-1]
 
 
 def test_two_fits_of_one_effect_are_no_difference(evidence: tuple[ViewEvidence, ...]) -> None:

@@ -54,6 +54,21 @@ def test_a_difference_below_the_floor_of_the_distance_is_found_by_its_coefficien
     assert "disappears" not in found.lines()[2]
 
 
+@pytest.mark.parametrize(
+    ("rough", "per_ln_m", "verdict"), [(0.0, 0.0010, "amplitude_bias"), (0.06, 0.0010, "none"), (0.06, 0.0040, "amplitude_bias")]
+)
+def test_beside_a_coarse_map_a_difference_exceeds_the_errors_of_that_map(
+    evidence: tuple[ViewEvidence, ...], monkeypatch: pytest.MonkeyPatch, rough: float, per_ln_m: float, verdict: str
+) -> None:
+    """Both have waves of 4 mm, of whose map a share of 6 % of the energy is wrong in each session: 1 mm."""
+    monkeypatch.setattr(Wiggling, "ROUGH", rough)
+    small = AmplitudeBias(per_ln_m=per_ln_m, reference=2000.0)
+    found = compared(diagnosis(evidence, WIGGLE), diagnosis(evidence, WIGGLE, small))
+    assert found.verdict == (verdict,)
+    assert list(found.within_maps) == (["amplitude_bias"] if verdict == "none" else [])
+    assert ("may err: no difference" in found.lines()[-1]) == (verdict == "none")
+
+
 def test_an_effect_that_one_diagnosis_missed_is_no_difference(evidence: tuple[ViewEvidence, ...]) -> None:
     found = compared(diagnosis(evidence, WIGGLE), unnamed(diagnosis(evidence, WIGGLE)))
     assert (found.verdict, found.alike) == (("none",), ("wiggling",))

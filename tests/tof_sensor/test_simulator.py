@@ -13,6 +13,7 @@ from tof_core.capture import Capture
 from tof_core.errors import ConfigError, RefusedError
 from tof_core.reasons import Reason
 from tof_sensor.effects.dropout import Dropout
+from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.multipath import Multipath
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.effects.range_offset import RangeOffset
@@ -106,3 +107,28 @@ def test_an_unknown_unit_of_amplitude_and_an_unknown_camera_are_refused() -> Non
 
 def test_effects_that_need_a_scene_are_listed() -> None:
     assert Simulator(SimulatorConfig(), SensorModel((Multipath(1.0), RangeOffset(0.01)))).without_effect == ("multipath",)
+
+
+def test_a_lens_of_another_unit_is_noted_and_another_camera_is_refused() -> None:
+    """A pinhole half a pixel beside the camera's is near; a tenth of the width is another lens."""
+    near, far = (replace(CAMERA, fx=CAMERA.fx + px, cx=CAMERA.cx + 0.5) for px in (1.4, 0.1 * CAMERA.width))
+    noted, refused = (Simulator(SimulatorConfig(), SensorModel((RangeOffset(0.01),), gain=1.0, camera=c)) for c in (near, far))
+    assert noted.measured(wall(albedo=0.5)).depth.shape == CAMERA.shape
+    (note,) = noted.lens_note(wall())
+    assert note.startswith(
+        f"the simulator's CameraInfo is not that of sensor.yaml (fx {near.fx:g} against {CAMERA.fx:g}, cx {near.cx:g} against {CAMERA.cx:g})"
+    )
+    with pytest.raises(RefusedError, match=r"another camera.*CameraInfo of the camera"):
+        refused.measured(wall(albedo=0.5))
+    assert Simulator(SimulatorConfig(), SensorModel(camera=CAMERA)).lens_note(wall()) == []
+
+
+def test_what_an_ideal_capture_lacks_is_noted() -> None:
+    drift = TemperatureDrift(drift_m=4e-4, warmup_m=0.002, tau_s=60.0)
+    camera = Simulator(SimulatorConfig(albedo=0.3), SensorModel((drift,), gain=1.0))
+    albedo, temperature, edges = camera.notes(wall())
+    assert "0.3 (--albedo)" in albedo
+    assert temperature.startswith("no temperature: the drift per kelvin of sensor.yaml is left out")
+    assert "pixels that an edge filter in the camera removes are not simulated" in edges
+    mixed = Simulator(SimulatorConfig(), SensorModel((drift, FlyingPixels(share=1.0)), gain=1.0))
+    assert mixed.notes(wall(albedo=0.5, temperature=30.0)) == []

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,6 +65,20 @@ def test_every_frame_is_measured_and_the_rest_of_the_bag_is_kept(ideal: Path, ca
         assert capture.amplitude is not None
         assert capture.amplitude[15, 20] == pytest.approx(100 * 0.5 / 1.5**2, rel=0.01)
     assert np.isnan(captures[0].depth).sum() != np.isnan(np.stack([c.depth for c in captures])).all(axis=0).sum()
+
+
+def test_what_the_ideal_bag_lacks_is_printed_and_another_camera_leaves_no_bag(ideal: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model = SensorModel((RangeOffset(0.03),), gain=100.0, camera=replace(CAMERA, fx=38.4))
+    save_model(model, ideal.parent / "sensor.yaml")
+    assert main(called(ideal)) == 0
+    said = capsys.readouterr().out
+    assert "note: the simulator's CameraInfo is not that of sensor.yaml (fx 38.4 against 38)" in said
+    assert "note: edges stay as ideal as they are" in said
+    shutil.rmtree(ideal.parent / "out")
+    save_model(replace(model, camera=replace(CAMERA, width=44)), ideal.parent / "sensor.yaml")
+    assert main(called(ideal)) == 1
+    assert "was fitted to another camera (width 44 against 40" in capsys.readouterr().err
+    assert not (ideal.parent / "out").exists()
 
 
 def test_normals_of_a_topic_dim_what_faces_away(ideal: Path) -> None:

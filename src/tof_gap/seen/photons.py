@@ -42,7 +42,7 @@ def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> Noi
     """
     rows = []
     for i, v in enumerate(views):
-        along = (v.residual * v.frame.length, v.frame.amplitude, v.frame.radial**2, v.frame.surroundings_m2, _between_captures2(v))
+        along = (v.residual * v.frame.length, v.frame.amplitude, v.frame.radial**2, v.frame.surroundings_m2, between_captures2(v))
         shown = [_by_rows(v, along, step) for step in v.correlation.steps]
         _, a, r2, around2, between2 = shown[0]
         if len(a) < limits.view_samples:
@@ -62,7 +62,7 @@ def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> Noi
     return NoiseBins(*table.T)
 
 
-def _between_captures2(view: ViewEvidence) -> Float:
+def between_captures2(view: ViewEvidence) -> Float:
     """(H, W) m^2 along the ray: variance of one capture as the captures of the dwell differ; NaN for one capture."""
     if view.view.captures < 2:
         return np.full(view.residual.shape, np.nan)

@@ -1,18 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""In what a simulator and a camera differ: the effects, what the simulator does with each, and how far their distance shrinks."""
+"""An effect in which simulator and camera differ: what the simulator does with it, its size in both, and from which size it is stated."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tof_core.config import param
 from tof_core.shares import in_percent
-
-if TYPE_CHECKING:
-    from tof_gap.tell.shrink import Shrink
+from tof_sensor.effects.noise import Noise
 
 LACKS, SUPERFLUOUS, WEAK, STRONG, OTHER = "lacks", "reality has not", "understates", "exaggerates", "has it in another form"
 """What a simulator does with an effect."""
@@ -104,7 +102,8 @@ class Apart(NamedTuple):
     """How an effect differs in the two sessions, as chi-squares by one weight: the inverse covariance of the difference.
 
     difference: of the difference of the coefficients; real, simulated: of the effect in either session; both: their product;
-    share: of the chi-square of all differences that this one explains; differs: whether the sessions contradict its equality.
+    share: of the chi-square of all differences that this one explains; differs: whether the sessions contradict its equality; of_maps:
+    that errors of the other effects' maps may make (`Effect.ROUGH`): of one such effect, each session's views show other errors.
     """
 
     difference: float
@@ -113,6 +112,12 @@ class Apart(NamedTuple):
     both: float
     share: float
     differs: bool
+    of_maps: float = 0.0
+
+    @property
+    def within_maps(self) -> bool:
+        """Whether errors of another effect's map may make the difference that the sessions show."""
+        return self.differs and self.difference < self.of_maps
 
     @property
     def ratio(self) -> float:
@@ -156,7 +161,7 @@ class Difference:
             return f"take {self.effect} out of the simulator"
         if self.simulator in (WEAK, STRONG) and self.ratio is not None:
             return f"give {self.effect} {self.ratio:.2g} times its size in the simulator"
-        return f"give the simulator the {self.effect} of sensor.yaml"
+        return f"give the simulator the {'photon_law and noise' if self.effect == Noise.NAME else self.effect} of sensor.yaml"
 
     @property
     def ratio(self) -> float | None:
@@ -177,68 +182,21 @@ class Difference:
         gone = "" if self.shrink is None else f"; once corrected, {in_percent(self.shrink)} of the squared distance disappears"
         return f"{self.sentence} ({self.real_mm:.2f} mm real, {self.simulated_mm:.2f} mm simulated; {self.where}){gone}"
 
-
-@dataclass(frozen=True, slots=True)
-class Against:
-    """Real against simulated: the distance before and after every effect is corrected, and the effects in which they differ.
-
-    alike: effects that one diagnosis named and the views of both sessions show alike; as_stated: effects that both have, and that differ
-    by no more than the stated calibration allows.
-    """
-
-    distance: Shrink
-    differences: tuple[Difference, ...]
-    alike: tuple[str, ...] = ()
-    as_stated: tuple[str, ...] = ()
-
-    @property
-    def verdict(self) -> tuple[str, ...]:
-        """Names of the effects in which they differ, `a|b` for a tie; `none` without any."""
-        return tuple(sorted({d.verdict for d in self.differences})) or ("none",)
-
-    def lines(self) -> list[str]:
-        """The comparison in words: the distance before and after the corrections, then each difference."""
-        d = self.distance
-        before = (
-            f"simulator against camera: their depth differs by {d.above_mm(d.before):.2f} mm RMS, above the noise of {d.floor_mm:.2f} mm, "
-            "on views that took no part in the fit"
-        )
-        both = [f"{name} was found in one session, and the views of both show it alike: no difference" for name in self.alike]
-        both += [f"{name} differs by no more than the stated calibration: no difference" for name in self.as_stated]
-        if not self.differences:
-            return [before, "the simulator has the camera's effects", *both]
-        in_depth = any(not x.note for x in self.differences)
-        after = f"once all effects below are put right in the simulator, {d.above_mm(d.after):.2f} mm remain"
-        after = after if in_depth else "no effect in mean depth differs; noise or shares of pixels do"
-        return [before, after, *(x.line() for x in self.differences), *both]
-
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON; NaN becomes null."""
-        d = self.distance
-        rows = [
-            {
-                "effect": x.effect,
-                "tied_with": list(x.ties),
-                "simulator": x.simulator,
-                "real_mm": _number(x.real_mm),
-                "simulated_mm": _number(x.simulated_mm),
-                "parts_mm": x.parts,
-                "shrink": x.shrink,
-                "shrink_ci95": None if x.ci95 is None else list(x.ci95),
-                "note": x.note,
-                "sentence": x.sentence,
-                "where": x.where,
-                "todo": x.todo,
-            }
-            for x in self.differences
-        ]
-        distance = {"before_mm": d.above_mm(d.before), "after_mm": d.above_mm(d.after), "floor_mm": d.floor_mm, "shrink": d.shrink}
         return {
-            "verdict": list(self.verdict),
-            "distance": distance,
-            "differences": rows,
-            "alike": list(self.alike),
-            "as_stated": list(self.as_stated),
+            "effect": self.effect,
+            "tied_with": list(self.ties),
+            "simulator": self.simulator,
+            "real_mm": _number(self.real_mm),
+            "simulated_mm": _number(self.simulated_mm),
+            "parts_mm": self.parts,
+            "shrink": self.shrink,
+            "shrink_ci95": None if self.ci95 is None else list(self.ci95),
+            "note": self.note,
+            "sentence": self.sentence,
+            "where": self.where,
+            "todo": self.todo,
         }
 
 

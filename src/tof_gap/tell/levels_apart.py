@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What two sensor models do to the same views where no mean depth shows it: noise, wrapped pixels, mixed pixels at edges."""
+"""What two sensor models do to the same views where no mean depth shows it: steps of the depth code, wrapped pixels, mixed pixels at edges."""
 
 from __future__ import annotations
 
@@ -8,12 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_sensor.effect import Evidence
-from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.flying_pixels import FlyingPixels
-from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
-from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.effects.quantization import Quantization
 
 if TYPE_CHECKING:
@@ -50,19 +46,6 @@ class Level:
         return 1 / factor < self.ratio < factor
 
 
-LEAST_PIXELS = 50
-"""Pixels of a part in either session from which its noise is compared: the median of as many is known to a tenth."""
-
-
-@dataclass(frozen=True, slots=True)
-class Noisy:
-    """A session's views, its sensor, and the real camera's unit of amplitude over the session's own."""
-
-    views: Sequence[ViewEvidence]
-    model: SensorModel
-    unit: float
-
-
 @dataclass(frozen=True, slots=True)
 class Seen:
     """The real session's views as both cameras see them.
@@ -85,51 +68,6 @@ class Seen:
         return np.concatenate([f.rendering.part[f.valid] for f in self.own])
 
 
-def noise_apart(real: Noisy, simulated: Noisy, law: PhotonLaw, seen: Seen) -> Level | None:
-    """Median in mm of the noise of one capture along the ray, at the light of the real session; None where a session shows none.
-
-    Each session's noise is measured in its own views, as a ratio to one photon law: two laws fitted at different amplitudes differ
-    by more where they are extrapolated than the cameras do. The median, since the darkest pixels dominate a mean. The level's name is
-    the named effect of which the noisier camera has most more than the other; `noise` without one.
-    """
-    over, own, part = _over_law(real, law)
-    other_over, _, other_part = _over_law(simulated, law)
-    if not len(over) or not len(other_over):
-        return None
-    level = 1e3 * float(np.sqrt(np.median(over * own)))
-    ratio = _ratio(over, other_over)
-    parts = {}
-    for i in np.intersect1d(part, other_part):
-        here, there = part == i, other_part == i
-        if i >= 0 and min(here.sum(), there.sum()) >= LEAST_PIXELS:
-            size = 1e3 * float(np.sqrt(np.median((over * own)[here])))
-            parts[seen.parts[i]] = size * abs(1.0 - _ratio(over[here], other_over[there]))
-    shares = [_noise_shares(s.model, frames) for s, frames in ((real, seen.own), (simulated, seen.other))]
-    more, less = (shares[0], shares[1]) if ratio < 1.0 else (shares[1], shares[0])
-    named = {name: v - less.get(name, 0.0) for name, v in more.items()}
-    name = max(named, key=named.__getitem__, default=Noise.NAME)
-    return Level(name, level, level * ratio, parts, (name in shares[0], name in shares[1]))
-
-
-def ambient_apart(real: Noisy, simulated: Noisy, law: PhotonLaw, seen: Seen, healthy: float) -> Level | None:
-    """Noise of foreign light in mm of one capture along the ray, at the light of the real session: what exceeds the camera's stated law.
-
-    None where the diagnosis of the noisier session does not name `ambient`. The other session has it, too, if its variance exceeds the
-    law by a share of more than `healthy`, and no other noise is named there.
-    """
-    over, own, _ = _over_law(real, law)
-    other_over, _, _ = _over_law(simulated, law)
-    if not len(over) or not len(other_over):
-        return None
-    excess = [max(float(np.median(o)) - 1.0, 0.0) for o in (over, other_over)]
-    named = [_noise_shares(s.model, frames).keys() for s, frames in ((real, seen.own), (simulated, seen.other))]
-    if Ambient.NAME not in named[int(excess[1] > excess[0])]:
-        return None
-    has = [Ambient.NAME in n or (not n and e > healthy) for n, e in zip(named, excess, strict=True)]
-    one_mm, other_mm = (1e3 * float(np.sqrt(e * np.median(own))) for e in excess)
-    return Level(Ambient.NAME, one_mm, other_mm, {}, (has[0], has[1]))
-
-
 def steps_apart(real: Sequence[ViewEvidence], simulated: Sequence[ViewEvidence], has: tuple[bool, bool]) -> Level | None:
     """Step in mm of the depth codes of both cameras; None where neither is coarse.
 
@@ -144,34 +82,6 @@ def steps_apart(real: Sequence[ViewEvidence], simulated: Sequence[ViewEvidence],
         return None
     steps = [1e3 * float(np.median([v.step_m for v in views])) for views in (real, simulated)]
     return Level(Quantization.NAME, steps[0], steps[1], {}, has)
-
-
-def _over_law(session: Noisy, law: PhotonLaw) -> tuple[Float, Float, NDArray[np.int16]]:
-    """(n,) of a session's smooth pixels: noise variance of one capture over the law's, the law's in m^2 along the ray, the part."""
-    over, own, part = [], [], []
-    for v in session.views:
-        s, frame = v.smooth, v.frame
-        predicted = law.variance(session.unit * frame.amplitude[s], frame.surroundings_m2[s])
-        measured = v.view.captures * (v.sigma[s] * frame.length[s]) ** 2
-        over.append(measured / predicted)
-        own.append(predicted)
-        part.append(frame.rendering.part[s])
-    return np.concatenate(over), np.concatenate(own), np.concatenate(part)
-
-
-def _ratio(over: Float, other: Float) -> float:
-    """Noise of the other session over that of the first, from variances over one law."""
-    return float(np.sqrt(np.median(other) / max(float(np.median(over)), 1e-12)))
-
-
-def _noise_shares(model: SensorModel, frames: Sequence[Frame]) -> dict[str, float]:
-    """m^2 of noise of one capture along the ray by each named noise effect of a model: median over the CAD's pixels."""
-    out: dict[str, float] = {}
-    for effect in model.effects:
-        if effect.EVIDENCE is Evidence.NOISE and not isinstance(effect, PhotonLaw):
-            values = np.concatenate([((effect.noise(f) * f.length) ** 2)[f.valid] for f in frames])
-            out[effect.NAME] = out.get(effect.NAME, 0.0) + float(np.median(values))
-    return out
 
 
 def wraps_apart(real: SensorModel, simulated: SensorModel, seen: Seen) -> Level | None:

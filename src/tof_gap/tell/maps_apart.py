@@ -166,10 +166,10 @@ class Pair:
 
     def by_coefficients(self, name: str, found: Apart) -> Difference | None:
         """One effect by its coefficients in both sessions; None where they agree, or differ by little."""
-        if not found.differs or found.share < self.limits.shrink or found.ratio < self.limits.apart:
+        if not found.differs or found.within_maps or found.share < self.limits.shrink or found.ratio < self.limits.apart:
             return None
         has = name in self.real_maps, name in self.simulated_maps
-        real, simulated = (self._rms_mm(m.get(name, self._zero())) for m in (self.real_maps, self.simulated_maps))
+        real, simulated = self.sizes_mm(name)
         manner = {(True, False): LACKS, (False, True): SUPERFLUOUS}.get(has) or self._manner(found.real, found.simulated, found.both)
         shrink = self.distance([name])
         known = shrink.shrink is not None and shrink.ci95 is not None and shrink.shrink > 0.0
@@ -196,6 +196,10 @@ class Pair:
         share = (max(found.ci95[0], 0.0), found.ci95[1])
         manner = self._manner(float(real @ real), float(simulated @ simulated), float(real @ simulated))
         return Difference(name, manner, size[0], size[1], self._by_part(name), found.shrink, share)
+
+    def sizes_mm(self, name: str) -> tuple[float, float]:
+        """RMS in mm of an effect of the real and of the simulated session."""
+        return self._rms_mm(self.real_maps.get(name, self._zero())), self._rms_mm(self.simulated_maps.get(name, self._zero()))
 
     def _rms_mm(self, maps: Sequence[Float]) -> float:
         return 1e3 * float(np.sqrt(np.mean(self._pixels(maps) ** 2)))

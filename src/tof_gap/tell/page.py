@@ -9,7 +9,7 @@ import numpy as np
 
 from tof_core.page import render_page
 from tof_gap.tell import pictures
-from tof_gap.tell.plant import duration_s
+from tof_gap.tell.plant import course_of
 from tof_gap.tell.where import Bin
 from tof_gap.tell.words import expected_words, interval, percent, sentence, size_in_words, todo, unexplained_words
 from tof_scene.world.words import lines, of_views
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str, names: Sequence[str] = ()) -> Path:
     """Write `report.html` beside `gap.json`, whose `content` it shows; `names` of the scene's parts stand on the map."""
     remaining = _left(d)
-    gap, world, session_s = content["gap"], lines(content["world"]), duration_s(d)
+    gap, world, course = content["gap"], lines(content["world"]), course_of(d)
     by = {name: [Bin(**b) for b in bins] for name, bins in content["where"]["by"].items()}
     main, others = pictures.by_quantity(by)
     text = render_page(
@@ -49,13 +49,14 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str, 
             "others": others,
         },
         regions=content["where"]["regions"],
-        causes=[c | {"fitted": size_in_words(c, session_s)} for c in content["causes"]],
+        causes=[c | {"fitted": size_in_words(c, course)} for c in content["causes"]],
         meaning={name: effect.MEANING for name, effect in EFFECTS.items()},
         words=[w["sentence"] for w in content["words"]],
         promise=content.get("promise"),
         expected=expected_words(d.findings),
         left=unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes)) if d.unexplained.structured else "",
         against=content.get("against"),
+        doubted=d.doubted,
         small=content["small"],
         world=world,
         advice=content["advice"],

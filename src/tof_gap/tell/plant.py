@@ -14,6 +14,7 @@ from tof_core.stats import touched
 from tof_gap.tell.unexplained import by_part
 from tof_gap.tell.words import listed, spaced
 from tof_sensor.effect import Evidence
+from tof_sensor.session import Course
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -103,12 +104,12 @@ def to_dicts(words: Sequence[Words]) -> list[dict[str, Any]]:
 
 
 def _words(name: str, effects: Sequence[Effect], size: str, maps: Sequence[Float] | None, d: Diagnosis, scene: Scene) -> Words:
-    kind = effects[0]
+    kind, course = effects[0], course_of(d)
     return Words(
         name,
         kind.MEANING,
         "" if maps is None else where(d, maps, scene),
-        ", and ".join(filter(None, dict.fromkeys(e.stated_in(duration_s(d)) for e in effects[:MOST_PARTS]))) or size,
+        ", and ".join(filter(None, dict.fromkeys(e.stated_in(course) for e in effects[:MOST_PARTS]))) or size,
         kind.remedy,
         "" if maps is None else cost(d, maps),
     )
@@ -132,10 +133,10 @@ def on_parts(names: Sequence[str]) -> str:
     return f"on {listed(names)}" if names else ""
 
 
-def duration_s(d: Diagnosis) -> float:
-    """Seconds from the first view to the last."""
-    times = [v.frame.context.time_s for v in d.evidence]
-    return max(times) - min(times)
+def course_of(d: Diagnosis) -> Course:
+    """The session's duration, and the temperature of its first and last view."""
+    views = sorted((v.frame.context for v in d.evidence), key=lambda context: context.time_s)
+    return Course(views[-1].time_s - views[0].time_s, views[0].temperature, views[-1].temperature)
 
 
 def where(d: Diagnosis, maps: Sequence[Float], scene: Scene) -> str:
@@ -168,12 +169,14 @@ def _covered(maps: Sequence[Float]) -> float:
 
 
 def cost(d: Diagnosis, maps: Sequence[Float]) -> str:
-    """Error by maps (H, W) of metres that one pixel in twenty exceeds; where fewer are affected, the share of pixels off by `MATTERS_M`."""
+    """Error by maps (H, W) of metres that one pixel in twenty exceeds; where fewer are affected, the share of pixels off by `MATTERS_M`, and how far."""
     seen = [np.abs(m)[np.isfinite(r) & np.isfinite(m)] for m, r in zip(maps, d.residual, strict=True)]
     error = np.concatenate(seen) if seen else np.zeros(0)
     if not error.size:
         return ""
     worst = float(np.quantile(error, WORST))
     if worst >= MATTERS_M:
-        return f"one pixel in twenty is measured {1e3 * worst:.1f} mm off or more"
-    return f"{in_percent(float((error >= MATTERS_M).mean()))} of the pixels are measured {1e3 * MATTERS_M:.0f} mm off or more"
+        return f"this effect puts one pixel in twenty off by {1e3 * worst:.1f} mm or more"
+    off = error[error >= MATTERS_M]
+    half = f", half of them by {1e3 * float(np.median(off)):.0f} mm or more" if off.size else ""
+    return f"this effect puts {in_percent(off.size / error.size)} of the pixels off by {1e3 * MATTERS_M:.0f} mm or more{half}"

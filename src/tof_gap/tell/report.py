@@ -153,9 +153,14 @@ def _dispersion(d: Diagnosis) -> dict[str, float]:
 
 def _missing(d: Diagnosis) -> dict[str, float]:
     """Share of CAD pixels without depth: all, and those that the named loss does not predict."""
-    gone = float(np.mean([np.mean(~np.isfinite(v.view.depth[v.frame.valid])) for v in d.evidence if v.frame.valid.any()]))
+    gone = without_depth(d)
     predicted = sum(float(np.nanmean(f.share)) for f in d.findings if f.share is not None and f.effect.EVIDENCE is Evidence.MISSING)
     return {"before": gone, "after": max(gone - predicted, 0.0)}
+
+
+def without_depth(d: Diagnosis) -> float:
+    """Share of CAD pixels without depth, mean of the views."""
+    return float(np.mean([np.mean(~np.isfinite(v.view.depth[v.frame.valid])) for v in d.evidence if v.frame.valid.any()]))
 
 
 def _pose(d: Diagnosis) -> dict[str, Any]:

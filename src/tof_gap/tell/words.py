@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from tof_gap.seen.finding import Finding
     from tof_gap.tell.unexplained import Unexplained
+    from tof_sensor.session import Course
 
 PLACE = "place in the cell"
 GOES_WITH = {
@@ -77,12 +78,13 @@ def todo(content: dict[str, Any]) -> list[str]:
             "The pixels of such objects are left out already."
         )
     if "unknown" in content["verdict"]:
-        lines.append(where_to_look(content["unexplained"]["where"], content["unexplained"].get("depends_on", ())))
+        left = content["unexplained"]
+        lines.append(where_to_look(left["where"], left.get("depends_on", ()), _suspects(content)))
     return lines + [f"Capture: {line}." for line in content["advice"]]
 
 
-def where_to_look(where: Sequence[str], depends_on: Sequence[str] = ()) -> str:
-    """What to do about the unexplained gap; `where`: parts that carry it; `depends_on`: quantities that it varies with."""
+def where_to_look(where: Sequence[str], depends_on: Sequence[str] = (), suspects: Sequence[str] = ()) -> str:
+    """What to do about the unexplained gap; `where`: parts that carry it; `depends_on`: quantities that it varies with; `suspects`: in words."""
     if "attitude" in depends_on:
         return "Check the camera's mount and the arm for play: the camera turns under its own weight as the hand turns."
     if "arm" in depends_on:
@@ -91,22 +93,27 @@ def where_to_look(where: Sequence[str], depends_on: Sequence[str] = ()) -> str:
             "If this arm is no better, state its errors there."
         )
     if where:
-        return f"Look at {listed(where[:3])}: no effect known here explains the error there. Check whether it is as drawn and in its place, and whether it is glossy, wet or transparent."
+        they = "it is" if len(where) == 1 else "they are"
+        light = f" (suspected: {listed(suspects)})" if suspects else ""
+        return (
+            f"Look at {listed(where[:3])}, where most of the error lies: check whether {they} as drawn and in place, and whether {they} glossy, "
+            f"wet or transparent. If nothing is to be seen there, the cause is the camera's or the light's{light}."
+        )
     return "Look at the maps of the report: no effect known here explains the error that is left, and it lies on no part in particular."
 
 
-def size_in_words(cause: dict[str, Any], session_s: float) -> str:
-    """The size of an effect in its own units, as far as a session of `session_s` seconds determines it; "" where millimetres say it best.
+def size_in_words(cause: dict[str, Any], course: Course) -> str:
+    """The size of an effect in its own units, as far as a session of this course determines it; "" where millimetres say it best.
 
     `params` of the cause are those of the effect, or of each instance by part or frequency.
     """
     params = cause["params"]
     several = params and all(isinstance(p, dict) for p in params.values())
-    each = [_stated(cause["effect"], p, session_s) for p in (list(params.values())[:MOST_STATED] if several else [params])]
+    each = [_stated(cause["effect"], p, course) for p in (list(params.values())[:MOST_STATED] if several else [params])]
     return ", and ".join(filter(None, dict.fromkeys(each)))
 
 
-def _stated(name: str, params: dict[str, Any], session_s: float) -> str:
+def _stated(name: str, params: dict[str, Any], course: Course) -> str:
     """The size in the effect's own units, "" where it has none or the parameters are not its own."""
     from tof_core.config import from_mapping
     from tof_sensor.registry import EFFECTS
@@ -115,7 +122,7 @@ def _stated(name: str, params: dict[str, Any], session_s: float) -> str:
         effect = from_mapping(EFFECTS[name], params)
     except (KeyError, TypeError, ToftwinError):
         return ""
-    return effect.stated_in(session_s)
+    return effect.stated_in(course)
 
 
 def _off_edges(content: dict[str, Any]) -> str:
@@ -140,9 +147,10 @@ def _clues(unexplained: Mapping[str, Any]) -> str:
             f"{in_percent(gross, 1)} of the pixels away from edges are off by centimetres: that is no bias, but another surface, a mirror or a wrapped phase."
         )
     if like:
-        it, leaves = ("it does", "it leaves") if len(like) == 1 else ("they do", "they leave")
+        was, it = ("was", "it") if len(like) == 1 else ("were", "they")
         found.append(
-            f"Something acts where {listed([spaced(n) for n in like])} would, but not as {it}: simulated, {leaves} most of the error there."
+            f"{listed([spaced(n) for n in like]).capitalize()} {was} fitted and rejected: simulated, {it} would leave most of the error on the pixels "
+            "that it changes, so another cause acts on these."
         )
     return "".join(f" {sentence}" for sentence in found)
 

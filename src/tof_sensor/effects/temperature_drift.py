@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float
     from tof_sensor.frame import Frame
-    from tof_sensor.session import Session
+    from tof_sensor.session import Course, Session
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,30 +67,58 @@ class TemperatureDrift(CurveEffect):
     @property
     def stated(self) -> str:
         """Drift with the thermometer, and warm-up."""
-        return self.stated_in(np.inf)
+        return " and ".join(self._terms())
 
-    def stated_in(self, session_s: float) -> str:
-        """`stated` for a session; a warm-up slower than the session is stated by its values at start and end."""
+    def stated_in(self, course: Course) -> str:
+        """`stated` for a session; several terms by their sum at its start and end, since one balances what another has too much.
+
+        So is a warm-up that is slower than the session.
+        """
+        if self.knots or not np.isfinite(course.seconds):
+            return self.stated
+        terms, slow = self._terms(), max(self.tau_s, self.housing_s) > course.seconds
+        known = np.isfinite([course.first_c, course.last_c]).all() or not (self.drift_m or self.drift_share)
+        if not known or (len(terms) == 1 and not (slow and self._warms_up)):
+            return self.stated
+        size, unit = (100.0, "% of the range") if self.gain else (1e3, "mm")
+        digits = 2 if self.gain else 1
+        first, last = (f"{size * v:+.{digits}f}" for v in (self._at(0.0, course.first_c), self._at(course.seconds, course.last_c)))
+        end = ", too slow for a time constant to show" if slow and len(terms) == 1 else ""
+        return f"from {first} {unit} at the start to {last} {unit} after {course.seconds / 60:.1f} min{end}"
+
+    @property
+    def _warms_up(self) -> bool:
+        return bool(self.warmup_m or self.housing_m or self.warmup_share)
+
+    def _terms(self) -> list[str]:
+        """Each term by itself, in words."""
         if self.knots:
-            return f"{1e3 * self.swing_m:.1f} mm between the extremes, in no regular course"
-        shown = [f"{1e3 * self.drift_m:+.1f} mm a kelvin of the thermometer"] if self.drift_m else []
-        shown += [f"{100 * self.drift_share:+.2f} % of the range a kelvin of the thermometer"] if self.drift_share else []
-        shown += (
-            [f"{100 * self.warmup_share:+.2f} % of the range at the start, fading with a time constant of {self.tau_s / 60:.1f} min"]
-            if self.warmup_share
-            else []
+            return [f"{1e3 * self.swing_m:.1f} mm between the extremes, in no regular course"]
+        sizes = ((1e3 * self.drift_m, "+.1f", "mm"), (100 * self.drift_share, "+.2f", "% of the range"))
+        shown = [f"{v:{digits}} {unit} a kelvin of the thermometer" for v, digits, unit in sizes if v]
+        fading = (
+            (1e3 * self.warmup_m, "+.1f", "mm", self.tau_s),
+            (1e3 * self.housing_m, "+.1f", "mm", self.housing_s),
+            (100 * self.warmup_share, "+.2f", "% of the range", self.tau_s),
         )
-        fading = [(start_m, tau) for start_m, tau in ((self.warmup_m, self.tau_s), (self.housing_m, self.housing_s)) if start_m and tau]
-        for start_m, tau in fading:
-            shown += (
-                [f"{1e3 * start_m:+.1f} mm at the start, fading with a time constant of {tau / 60:.1f} min"] if tau <= session_s else []
-            )
-        if slow := [(start_m, tau) for start_m, tau in fading if tau > session_s]:
-            first, last = (1e3 * sum(start_m * np.exp(-after_s / tau) for start_m, tau in slow) for after_s in (0.0, session_s))
-            shown.append(
-                f"from {first:+.1f} mm at the start to {last:+.1f} mm after {session_s / 60:.1f} min, too slow for a time constant to show"
-            )
-        return " and ".join(shown)
+        return shown + [
+            f"{v:{digits}} {unit} at the start, fading with a time constant of {tau / 60:.1f} min"
+            for v, digits, unit, tau in fading
+            if v and tau
+        ]
+
+    def _at(self, time_s: float, temperature_c: float) -> float:
+        """The drift in metres, or as a share of range, at a time of the session and a temperature."""
+        warm = temperature_c - self.reference_c if np.isfinite(temperature_c) else 0.0
+        warmup, housing = self._faded(time_s)
+        if self.gain:
+            return self.reference_share + self.drift_share * warm + self.warmup_share * warmup
+        return self.drift_m * warm + self.warmup_m * warmup + self.housing_m * housing
+
+    def _faded(self, time_s: float) -> tuple[float, float]:
+        """What is left of either warm-up at a time of the session, as a share; 0 for a term that is not fitted."""
+        one, other = (float(np.exp(-time_s / tau)) if tau > 0 else 0.0 for tau in (self.tau_s, self.housing_s))
+        return one, other
 
     def observable(self, frame: Frame) -> Float:
         """Seconds since the session's first capture, shape ()."""
@@ -102,7 +130,7 @@ class TemperatureDrift(CurveEffect):
             return self.curve_columns(frame)
         context = frame.context
         warm = context.temperature - self.reference_c if np.isfinite(context.temperature) else 0.0
-        warmup, housing = (float(np.exp(-context.time_s / tau)) if tau > 0 else 0.0 for tau in (self.tau_s, self.housing_s))
+        warmup, housing = self._faded(context.time_s)
         one = np.where(frame.valid, 0.0 if self.gain else 1.0 / frame.length, 0.0)
         range_ = np.where(frame.valid & self.gain, frame.depth, 0.0)
         return stack([one * warm, one * warmup, one * housing, range_, range_ * warm, range_ * warmup], frame)

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from tof_gap.tell.account import Cause
+    from tof_gap.tell.comparison import Against
     from tof_gap.tell.diagnosis import Diagnosis
-    from tof_gap.tell.difference import Against
     from tof_scene.raycast import Raycaster
     from tof_sensor.model import SensorModel
     from toftwin.diagnosis import GapPipelineConfig
@@ -120,7 +120,7 @@ def run(args: argparse.Namespace) -> int:
     again = kept(diagnosis, known)
     content = write(diagnosis, caster, args.out, advise(diagnosis, caster), again)
     if compared is not None:
-        content["against"] = compared.to_dict() | {"lines": compared.lines()}
+        content["against"] = compared.to_dict() | {"lines": compared.lines(), "head": compared.head(), "foot": compared.foot()}
     page = write_page(diagnosis, content, args.out, session_name(args.bag), caster.scene.names)
     learned = _retrained(diagnosis, caster, args.out, config, say) if args.retrain else None
     if args.json:
@@ -151,7 +151,7 @@ def _compared(
     from toftwin.against import diagnose_simulated
 
     say("the simulator's bag")
-    simulated = diagnose_simulated(args.against, caster, config, known=known, left_out=left_out, progress=say)
+    simulated = diagnose_simulated(args.against, caster, real.camera, config, known=known, left_out=left_out, progress=say)
     compared = against(real, simulated, caster.scene.names, config.against, known, left_out)
     args.out.mkdir(parents=True, exist_ok=True)
     (args.out / "against.json").write_text(json.dumps(compared.to_dict(), indent=1, allow_nan=False))
@@ -184,7 +184,7 @@ def meaning_of(verdict: Sequence[str]) -> str:
 def summary(d: Diagnosis) -> str:
     """Summary of the diagnosis for a terminal."""
     from tof_gap.tell.report import arm_errors
-    from tof_gap.tell.words import expected_words, interval, percent, unexplained_words, where_to_look
+    from tof_gap.tell.words import expected_words, interval, percent, spaced, unexplained_words, where_to_look
     from tof_scene.world.words import lines as world_lines
     from tof_scene.world.words import of_views
 
@@ -211,7 +211,8 @@ def summary(d: Diagnosis) -> str:
         lines.append("errors of the arm from view to view: {:.1f} mm and {:.2f} degrees RMS".format(*arm_errors(d)))
     if d.unexplained.structured:
         left = unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes))
-        lines.append(f"unexplained: {left} To do: {where_to_look(d.unexplained.where, d.unexplained.depends_on)}")
+        suspects = [spaced(c.named.name) for c in d.causes if d.suspected(c)]
+        lines.append(f"unexplained: {left} To do: {where_to_look(d.unexplained.where, d.unexplained.depends_on, suspects)}")
     lines += world_lines(d.world)
     if d.stray:
         lines.append(f"left out: {of_views(d.stray)}, whose depth fits the CAD only at poses where the arm cannot have been")
@@ -225,6 +226,9 @@ def cause_line(c: Cause, d: Diagnosis) -> str:
 
     away = c.alone.off_edges
     shrink, of_what = (c.alone.shrink, "the gap") if away is None else (away, "the gap away from edges")
-    alone = "" if shrink is None else f"; alone it explains {percent(shrink) if shrink > 0 else 'none'} of {of_what}"
+    share = "none" if shrink is None or shrink <= 0 else percent(shrink)
+    alone = (
+        "" if shrink is None else f"; alone it explains {share} of {of_what}{', but more of it beside the others' if shrink <= 0 else ''}"
+    )
     of = " that it is one of these" if "|" in c.named.verdict else ""
     return f"  {c.named.verdict}{' (suspected)' if d.suspected(c) else ''}: confidence {d.confidence(c):.2f}{of}{alone}"

@@ -68,6 +68,8 @@ def run(args: argparse.Namespace) -> int:
         f"{tally.frames} frames to {args.out}: {', '.join(tally.effects) or 'no effect'}; depth changes by {counts['rms_mm']:.2f} mm RMS, "
         f"{in_percent(counts['lost'])} of the pixels are lost; {counts['ms_per_frame']:.1f} ms of processor a frame"
     )
+    for note in tally.notes:
+        print(f"note: {note}")
     if tally.without_effect:
         print(f"without a scene these effects do nothing: {', '.join(tally.without_effect)} (pass --scene)")
     return 0

@@ -192,7 +192,9 @@ def lit(evidence: tuple[ViewEvidence, ...], size_m: float, *, named: bool) -> Di
     found = diagnosis(seen)
     assert found.account.solved.bare is seen
     if named:
-        light: Any = SimpleNamespace(effect=Interference(burst_m=size_m), name="interference", corrects=False, common=np.zeros(1))
+        light: Any = SimpleNamespace(
+            effect=Interference(burst_m=size_m), name="interference", corrects=False, common=np.zeros(1), expected=False
+        )
         found.findings.append(light)  # type: ignore[attr-defined]
     return found
 

@@ -43,13 +43,13 @@ def test_each_effect_is_said_with_its_size_place_remedy_and_cost() -> None:
     wiggling, dropout = plant_words(diagnosis(), SCENE)
     assert wiggling.size == "±5.0 mm every 0.37 m of range"
     assert wiggling.where == "on panel"
-    assert wiggling.cost == "one pixel in twenty is measured 9.5 mm off or more"
+    assert wiggling.cost == "this effect puts one pixel in twenty off by 9.5 mm or more"
     assert dropout.size == "2 % of the pixels at random, most pixels below amplitude 120"
     assert (dropout.where, dropout.remedy) == ("", Dropout.REMEDY)
     assert dropout.cost == "these pixels have no depth, and the others are not affected"
     assert wiggling.sentence() == (
         "Wiggling: the range error swings with distance, because of the shape of the emitted wave or pulse (±5.0 mm every 0.37 m of range; on panel). "
-        f"To do: {Wiggling.REMEDY}. If nothing is done, one pixel in twenty is measured 9.5 mm off or more."
+        f"To do: {Wiggling.REMEDY}. If nothing is done, this effect puts one pixel in twenty off by 9.5 mm or more."
     )
 
 
@@ -68,14 +68,16 @@ def test_an_effect_of_few_pixels_costs_by_how_many_they_are() -> None:
     few = np.zeros((VIEWS, *SHAPE))
     few[:, :2, :] = 0.005
     share = 100.0 * 2 / SHAPE[0]
-    assert cost(diagnosis(), list(few)) == f"{share:.0f} % of the pixels are measured 1 mm off or more"
+    assert cost(diagnosis(), list(few)) == f"this effect puts {share:.0f} % of the pixels off by 1 mm or more, half of them by 5 mm or more"
     assert acts(0.005, list(few)) == f"5.0 mm RMS over {share:.0f} % of the pixels"
 
 
 def test_an_effect_of_hardly_any_pixel_has_no_share_of_naught() -> None:
     single = np.zeros((VIEWS, *SHAPE))
     single[0, 0, 0] = 0.02
-    assert cost(diagnosis(), list(single)) == "under 0.1 % of the pixels are measured 1 mm off or more"
+    assert (
+        cost(diagnosis(), list(single)) == "this effect puts under 0.1 % of the pixels off by 1 mm or more, half of them by 20 mm or more"
+    )
 
 
 def test_an_effect_of_all_pixels_is_an_rms_alone() -> None:
