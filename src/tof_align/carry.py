@@ -69,7 +69,10 @@ class Carry:
         kept = [kind for kind in old if kind in new and kind != "object" and not kind.startswith(PART)]
         stays = np.concatenate([np.arange(start), *(old[kind] for kind in kept)])
         goes = np.setdiff1d(np.arange(len(self.b)), stays)
-        prior = np.concatenate([np.full(len(at), sizes[kind] ** -2) for kind, at in old.items() if kind not in kept] or [np.zeros(0)])
+        # Columns without a size were never used: nothing is known of them, and any prior does.
+        prior = np.concatenate(
+            [np.full(len(at), sizes.get(kind, 1.0) ** -2) for kind, at in old.items() if kind not in kept] or [np.zeros(0)]
+        )
         gain = np.linalg.solve(self.H[np.ix_(goes, goes)] + np.diag(prior), self.H[np.ix_(goes, stays)])
         at = np.concatenate([np.arange(start), *(new[kind] for kind in kept)])
         count = start + sum(after.shared)

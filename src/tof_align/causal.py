@@ -16,7 +16,6 @@ from tof_align.chain import Chain, chain_of
 from tof_align.known import removed_at, through_known
 from tof_align.linearise import Linearised, linearise
 from tof_align.observability import Observability, most_disputed, observe_block
-from tof_align.parts import PART
 from tof_align.pixels import Pixels, Sample, sample, take_pixels
 from tof_align.session import SessionSolution, solve_samples
 from tof_align.system import assemble, camera_cov, unmodelled
@@ -180,8 +179,7 @@ class SessionAligner:
         assert self._known is not None
         basis = basis_around(lin, self.caster, self.config, self._known.basis)
         carry = None if self._known.carry is None else self._known.carry.with_surface_of(basis, self._known.basis, self._known.sizes)
-        sizes = {kind: size for kind, size in self._known.sizes.items() if not kind.startswith(PART)}
-        self._known = replace(self._known, basis=basis, carry=carry, sizes=sizes)
+        self._known = replace(self._known, basis=basis, carry=carry)
         return self._predicted(taken)
 
     def _refused(self, chain: Chain, short: str, reason: str) -> Posed:

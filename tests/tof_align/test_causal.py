@@ -175,8 +175,15 @@ def test_surfaces_that_nobody_saw_before_get_columns_and_their_place_counts() ->
     views, truth = session(section(), views=12, stations=2, effect=wiggling)
     there = [v if v.station == views[0].station else beside(v, far) for v in views]
     where = [t.T_cell_camera if v.station == views[0].station else far @ t.T_cell_camera for v, t in zip(views, truth, strict=True)]
+    first = next(v for v in there if v.station != there[0].station)
+    other, _ = session(foreign(), views=6, stations=1)
+    strays = [replace(other[3], robot=first.robot, station=first.station), replace(other[3], robot=there[5].robot)]
     aligner = SessionAligner(both, CONFIG)
-    posed = [aligner.push(v) for v in there]
+    posed = []
+    for view in there:
+        if view is first:  # views that are refused look elsewhere, too, and back again
+            assert not any(aligner.push(stray).accepted for stray in strays)
+        posed.append(aligner.push(view))
     assert all(p.accepted for p in posed)
     assert max(1e3 * se3.distance(p.T_cell_camera, T)[0] for p, T in zip(posed, where, strict=True)) < 3.0
 
