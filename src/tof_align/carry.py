@@ -63,10 +63,15 @@ class Carry:
         return Carry(rest, right, np.eye(4), chain.hand_eye)
 
     def with_surface_of(self, after: Basis, before: Basis, sizes: dict[str, float]) -> Carry:
-        """For other columns of surfaces and parts: what is known of the former ones is integrated out, with their prior."""
+        """For other columns of surfaces and parts, or of all: what is known of those that change is integrated out, with their prior."""
         start = 12
         old, new = kinds_of(before, start), kinds_of(after, start)
-        kept = [kind for kind in old if kind in new and kind != "object" and not kind.startswith(PART)]
+        same = {
+            "range": np.array_equal(before.knots_range, after.knots_range),
+            "amplitude": np.array_equal(before.knots_amplitude, after.knots_amplitude),
+            "object": np.array_equal(before.centres, after.centres),
+        }
+        kept = [kind for kind in old if kind in new and same.get(kind, not kind.startswith(PART))]
         stays = np.concatenate([np.arange(start), *(old[kind] for kind in kept)])
         goes = np.setdiff1d(np.arange(len(self.b)), stays)
         # Columns without a size were never used: nothing is known of them, and any prior does.

@@ -14,7 +14,7 @@ from tof_align.mixed import estimate, solve
 from tof_align.observability import pinned
 from tof_align.parts import PART, counts
 from tof_align.robust import first_look, halfway, misfit, weigh
-from tof_align.surroundings import described, surroundings
+from tof_align.surroundings import described, surroundings, unseen, within
 from tof_align.system import assemble, camera_step, unmodelled
 from tof_align.view_columns import columns_of
 from tof_core import se3
@@ -84,9 +84,12 @@ class Fit:
 
 
 def basis_around(lin: Linearised, caster: Raycaster, config: AlignConfig, before: Basis | None = None) -> Basis:
-    """Columns for a view and for what the next ones will see; those of range, amplitude and image stay as they were `before`."""
+    """Columns for a view and for what the next ones will see.
+
+    Those of range and amplitude stay as they were `before`, if they reach over the view's.
+    """
     basis = basis_of([lin], config.discrepancy.live, widen=WIDEN, around=[surroundings(lin, caster)])
-    if before is None:
+    if before is None or not within(before, lin).all():
         return basis
     return replace(before, centres=basis.centres, root_object=basis.root_object, parts=basis.parts)
 
@@ -105,7 +108,7 @@ def fit_view(
     """
     last, limits, misfit_m = len(kept), config.weights.shared, known.misfit_m
     columns = columns_of(lin, known.basis)
-    weights = _weighed(lin, first_look(lin, limits), columns, known.sizes, misfit_m, config)
+    weights = _weighed(lin, first_look(lin, limits), columns, known.basis, known.sizes, misfit_m, config)
     fit = _solved(chain, lin, columns, weights * counts(known.basis.parts, lin), kept, known, config)
     for _ in range(STEPS - 1):
         if np.abs(camera_step(chain, fit.answer, last)).max() < STILL:
@@ -115,15 +118,17 @@ def fit_view(
         columns = columns_of(lin, known.basis)
         smooth = unmodelled(columns, chain, known.basis, fit.answer, last)
         misfit_m = halfway(misfit(smooth, limits), misfit_m)
-        weights = _weighed(lin, lin.residual - smooth.sum(axis=1), columns, fit.answer.sizes, misfit_m, config)
+        weights = _weighed(lin, lin.residual - smooth.sum(axis=1), columns, known.basis, fit.answer.sizes, misfit_m, config)
         fit = _solved(chain, lin, columns, weights * counts(known.basis.parts, lin), kept, known, config, misfit_m)
     return fit
 
 
 def _weighed(
-    lin: Linearised, error: Float, columns: ViewColumns, sizes: dict[str, float], misfit_m: float | None, config: AlignConfig
+    lin: Linearised, error: Float, columns: ViewColumns, basis: Basis, sizes: dict[str, float], misfit_m: float | None, config: AlignConfig
 ) -> Float:
-    return weigh(lin, error, config.weights, misfit_m or 0.0, columns.beyond(sizes, config.weights.shared))
+    """(n,) weights; nothing is known of errors at ranges and amplitudes for which there are no columns."""
+    unknown = np.linalg.norm(unseen(basis, lin, sizes, config.discrepancy), axis=1)
+    return weigh(lin, error, config.weights, misfit_m or 0.0, np.hypot(columns.beyond(sizes, config.weights.shared), unknown))
 
 
 def _solved(

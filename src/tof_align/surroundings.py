@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_align.camera_error import beyond_data
 from tof_align.discrepancy import surface_columns
 from tof_align.parts import counts
 from tof_core import se3
 
 if TYPE_CHECKING:
+    from tof_align.config import DiscrepancyConfig
     from tof_align.discrepancy import Basis
     from tof_align.linearise import Linearised
     from tof_core.arrays import Float, Ints, Mask
@@ -61,8 +63,23 @@ def surroundings(view: Linearised, caster: Raycaster) -> Surface:
     return Surface(*(np.concatenate([getattr(f, name) for f in found]) for name in ("point", "normal", "part")))
 
 
+def unseen(basis: Basis, view: Linearised, sizes: dict[str, float], config: DiscrepancyConfig) -> Float:
+    """(n, 2) metres: standard deviation of the errors by range and by amplitude beyond the columns of the basis."""
+    none = np.zeros(len(view.depth))
+    return beyond_data(basis, view.depth * view.ray_length, none if view.log_amplitude is None else view.log_amplitude, none, sizes, config)
+
+
+def within(basis: Basis, view: Linearised) -> Mask:
+    """(n,) whether the columns of range and amplitude reach over each pixel."""
+    values = [(basis.knots_range, view.depth * view.ray_length), (basis.knots_amplitude, view.log_amplitude)]
+    inside = [(x >= knots[1]) & (x <= knots[-2]) | ~np.isfinite(x) for knots, x in values if x is not None and len(knots)]
+    return np.asarray(np.logical_and.reduce(inside)) if inside else np.ones(len(view.depth), np.bool_)
+
+
 def described(basis: Basis, view: Linearised) -> Mask:
-    """(n,) of every `EVERY`-th pixel: whether the basis has columns for errors of its surface and for the motion of its part."""
+    """(n,) of every `EVERY`-th pixel: whether the basis has columns for errors by its range, of its surface and for the motion of its part."""
     few = Surface(view.point[::EVERY], view.normal[::EVERY], view.part[::EVERY])
     of_surface = surface_columns(basis, few) @ basis.root_object
-    return np.asarray(counts(basis.parts, few) & (np.einsum("ij,ij->i", of_surface, of_surface) >= LEAST_DESCRIBED))
+    return np.asarray(
+        within(basis, view)[::EVERY] & counts(basis.parts, few) & (np.einsum("ij,ij->i", of_surface, of_surface) >= LEAST_DESCRIBED)
+    )

@@ -19,7 +19,7 @@ BEFORE = replace(
     order=0,
     parts=PartFrames(np.array([0, 2]), np.zeros((2, 3)), np.ones(2)),
 )
-AFTER = replace(BEFORE, root_object=np.eye(4), parts=PartFrames(np.array([1]), np.zeros((1, 3)), np.ones(1)))
+AFTER = replace(BEFORE, root_object=np.eye(4), centres=np.ones((4, 6)), parts=PartFrames(np.array([1]), np.zeros((1, 3)), np.ones(1)))
 
 
 def test_what_is_known_of_the_camera_stays_when_the_surface_has_other_columns() -> None:

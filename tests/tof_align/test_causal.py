@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tests.tof_align.made import CONFIG, at, foreign, panel, pose_error, scene_of, section, session, wiggling
+from tests.tof_align.made import CONFIG, at, foreign, look, measured, panel, pose_error, scene_of, section, session, wiggling
 from tof_align.causal import SessionAligner
 from tof_align.session import solve_session
 from tof_core import se3
+from tof_core.capture import RobotPose
 from tof_core.errors import TransformError
 from tof_scene.raycast import Raycaster
 
@@ -192,3 +193,19 @@ def beside(view: View, far: Float) -> View:
     """The view as taken at another place of the cell."""
     assert view.robot is not None
     return replace(view, robot=replace(view.robot, T_cell_body=far @ view.robot.T_cell_body))
+
+
+def test_a_view_nearer_than_any_before_has_columns_for_the_errors_of_its_range() -> None:
+    """The columns of range that were chosen for far views say nothing of a wiggle at a quarter of their distance."""
+    aligner, target = SessionAligner(section(), CONFIG), np.array([0.0, 0.0, 0.8])
+    posed, truth = [], []
+    for number, eye in enumerate([(1.35, 0.4, 1.1), (1.3, -0.4, 1.2), (0.33, -0.2, 1.0)]):
+        T = look(np.array(eye), target)
+        view, true = measured(
+            section(), T, RobotPose(np.eye(4), T @ se3.exp([1e-3, -2e-3, 1e-3, 2e-3, 1e-3, -1e-3])), number=number, effect=wiggling
+        )
+        posed.append(aligner.push(view))
+        truth.append(true)
+    assert posed[-1].accepted
+    assert pose_error(posed[-1].T_cell_camera, truth[-1])[0] < 1.5
+    assert squares(posed, truth)[-1] < 12.0
