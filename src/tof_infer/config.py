@@ -24,7 +24,7 @@ class NetConfig:
     unshuffle: int = param(2, "side of the blocks whose pixels become channels of the finest level", low=1, high=4)
     separable: bool = param(
         False,
-        "convolutions by channel and by pixel, sums in the decoder, means over blocks from the second level on: 0.37 of the time",
+        "convolutions by channel and by pixel, sums in the decoder, means over blocks from the second level on: 0.3 to 0.45 of the time",
     )
     waves_m: str = param(
         "1.5,0.75,0.375,0.1875", "periods of the range encoding, from which training starts; a wiggle's is c / 8 f", unit="m"

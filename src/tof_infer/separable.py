@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The U-Net of the recipe `fast`: a third of the time of the default one in onnxruntime, at the same or a smaller error.
+"""The U-Net of the recipe `fast`: 0.3 to 0.45 of the time of the default one in onnxruntime, at the same or a smaller error.
 
 Four changes save the time. Convolutions are separable (a filter of 3 x 3 for each channel, then a sum over channels at each pixel).
 The decoder adds the encoder's channels instead of joining them. The features that are means over blocks enter at the second level,
