@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tof_align.chain import Chain
     from tof_align.discrepancy import Basis
     from tof_align.mixed import Normal
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Ints
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,11 +55,8 @@ class Carry:
         """Integrate the base out (with its prior): the station is over."""
         H, b = self.at(chain)
         info, _, error, _ = chain.prior()
-        base = H[:6, :6] + np.diag(info[:6])
-        gain = np.linalg.solve(base, H[:6, 6:])
         rest, right = np.zeros_like(H), np.zeros_like(b)
-        rest[6:, 6:] = H[6:, 6:] - gain.T @ H[:6, 6:]
-        right[6:] = b[6:] - gain.T @ (b[:6] - info[:6] * error[:6])
+        rest[6:, 6:], right[6:] = _integrated_out(H, b, np.arange(6), info[:6], error[:6])
         return Carry(rest, right, np.eye(4), chain.hand_eye)
 
     def with_surface_of(self, after: Basis, before: Basis, sizes: dict[str, float]) -> Carry:
@@ -72,16 +69,24 @@ class Carry:
             "object": np.array_equal(before.centres, after.centres),
         }
         kept = [kind for kind in old if kind in new and same.get(kind, not kind.startswith(PART))]
-        stays = np.concatenate([np.arange(start), *(old[kind] for kind in kept)])
-        goes = np.setdiff1d(np.arange(len(self.b)), stays)
+        goes = np.setdiff1d(np.arange(len(self.b)), np.concatenate([np.arange(start), *(old[kind] for kind in kept)]))
         # Columns without a size were never used: nothing is known of them, and any prior does.
         prior = np.concatenate(
             [np.full(len(at), sizes.get(kind, 1.0) ** -2) for kind, at in old.items() if kind not in kept] or [np.zeros(0)]
         )
-        gain = np.linalg.solve(self.H[np.ix_(goes, goes)] + np.diag(prior), self.H[np.ix_(goes, stays)])
         at = np.concatenate([np.arange(start), *(new[kind] for kind in kept)])
         count = start + sum(after.shared)
         H, b = np.zeros((count, count)), np.zeros(count)
-        H[np.ix_(at, at)] = self.H[np.ix_(stays, stays)] - self.H[np.ix_(stays, goes)] @ gain
-        b[at] = self.b[stays] - gain.T @ self.b[goes]
+        H[np.ix_(at, at)], b[at] = _integrated_out(self.H, self.b, goes, prior)
         return Carry(H, b, self.base, self.hand_eye)
+
+
+def _integrated_out(H: Float, b: Float, goes: Ints, prior: Float, error: Float | float = 0.0) -> tuple[Float, Float]:
+    """Information and right side of the other unknowns without those at `goes` (k,), whose prior is known.
+
+    prior (k,): inverse variances; error (k,): deviation of the present state from the prior's mean.
+    """
+    stays = np.setdiff1d(np.arange(len(b)), goes)
+    across = H[np.ix_(goes, stays)]
+    gain = np.linalg.solve(H[np.ix_(goes, goes)] + np.diag(prior), across)
+    return H[np.ix_(stays, stays)] - gain.T @ across, b[stays] - gain.T @ (b[goes] - prior * error)

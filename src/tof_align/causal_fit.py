@@ -109,7 +109,7 @@ def fit_view(
     last, limits, misfit_m = len(kept), config.weights.shared, known.misfit_m
     columns = columns_of(lin, known.basis)
     weights = _weighed(lin, first_look(lin, limits), columns, known.basis, known.sizes, misfit_m, config)
-    fit = _solved(chain, lin, columns, weights * counts(known.basis.parts, lin), kept, known, config)
+    fit = _solved(chain, lin, columns, weights, kept, known, config, misfit_m)
     for _ in range(STEPS - 1):
         if np.abs(camera_step(chain, fit.answer, last)).max() < STILL:
             break
@@ -119,16 +119,17 @@ def fit_view(
         smooth = unmodelled(columns, chain, known.basis, fit.answer, last)
         misfit_m = halfway(misfit(smooth, limits), misfit_m)
         weights = _weighed(lin, lin.residual - smooth.sum(axis=1), columns, known.basis, fit.answer.sizes, misfit_m, config)
-        fit = _solved(chain, lin, columns, weights * counts(known.basis.parts, lin), kept, known, config, misfit_m)
+        fit = _solved(chain, lin, columns, weights, kept, known, config, misfit_m)
     return fit
 
 
 def _weighed(
     lin: Linearised, error: Float, columns: ViewColumns, basis: Basis, sizes: dict[str, float], misfit_m: float | None, config: AlignConfig
 ) -> Float:
-    """(n,) weights; nothing is known of errors at ranges and amplitudes for which there are no columns."""
+    """(n,) weights of the pixels that count; nothing is known of errors at ranges and amplitudes for which there are no columns."""
     unknown = np.linalg.norm(unseen(basis, lin, sizes, config.discrepancy), axis=1)
-    return weigh(lin, error, config.weights, misfit_m or 0.0, np.hypot(columns.beyond(sizes, config.weights.shared), unknown))
+    beyond = np.hypot(columns.beyond(sizes, config.weights.shared), unknown)
+    return weigh(lin, error, config.weights, misfit_m or 0.0, beyond) * counts(basis.parts, lin)
 
 
 def _solved(
@@ -139,7 +140,7 @@ def _solved(
     kept: Sequence[Kept],
     known: Known,
     config: AlignConfig,
-    misfit_m: float | None = None,
+    misfit_m: float | None,
 ) -> Fit:
     """The window and the new view's normal equations together, with what is carried."""
     d, gram = config.discrepancy, columns.gram(weights)
@@ -152,7 +153,7 @@ def _solved(
     sizes = {kind: max(known.sizes.get(kind, size), size if kind.startswith(PART) else 0.0) for kind, size in start.items()}
     rounds = ROUNDS if known.sizes else d.rounds
     answer = estimate(normal, sizes, rounds=rounds, low=least_sizes(sizes, known.basis, d), high=d.ceiling_mm * 1e-3, pull=pull)
-    return Fit(chain, lin, columns, weights, gram, normal, answer, pull, known.misfit_m if misfit_m is None else misfit_m)
+    return Fit(chain, lin, columns, weights, gram, normal, answer, pull, misfit_m)
 
 
 def pin(fit: Fit, seen: Observability) -> Mixed:

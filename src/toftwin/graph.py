@@ -23,6 +23,8 @@ from tof_core.memory import keep_freed
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from toftwin.given import Addressed
+
 NODES = {
     "preproc": "tof_preproc.node",
     "sim_label": "tof_sim_label.node",
@@ -105,10 +107,9 @@ def run_graph(spec: GraphSpec) -> int:
     """Run the nodes in this process until SIGINT or SIGTERM; 1 if a node died."""
     one_thread()  # read when NumPy is imported, below
     keep_freed()
-    from tof_core.config import table
     from tof_ros.environment import REACH, parameter_overrides, reach, ros_context
     from tof_ros.spin import spinning
-    from toftwin.given import Addressed, refuse_unknown
+    from toftwin.given import refuse_unknown
 
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -116,9 +117,9 @@ def run_graph(spec: GraphSpec) -> int:
     with ros_context(spec.ros_args(), safe=spec.safe, alone=True) as context:
         nodes = []
         for name in spec.nodes:
-            module, given = import_module(NODES[name]), spec.parameters.get(name, {})
-            refuse_unknown(given, Addressed(name, tuple(info.name for info in table(module.CONFIG))))
-            nodes.append(module.make_node(context=context, parameter_overrides=parameter_overrides(given)))
+            given = spec.parameters.get(name, {})
+            refuse_unknown(given, _addressed(name, name))
+            nodes.append(import_module(NODES[name]).make_node(context=context, parameter_overrides=parameter_overrides(given)))
         _warn_of_ignored(spec, nodes)
         with spinning(nodes) as spinners:
             _say(f"hears {reach(os.environ)}{HOW_TO_REACH if os.environ.get(REACH) == 'LOCALHOST' else ''}")
@@ -134,13 +135,19 @@ def run_graph(spec: GraphSpec) -> int:
     return 0
 
 
+def _addressed(name: str, full_name: str) -> Addressed:
+    """A node of this graph by its full name, with the names of its parameters."""
+    from tof_core.config import table
+    from toftwin.given import Addressed
+
+    return Addressed(full_name, tuple(info.name for info in table(import_module(NODES[name]).CONFIG)))
+
+
 def _warn_of_ignored(spec: GraphSpec, nodes: Sequence[Any]) -> None:
     """Each node names, in its log and its diagnostics, what it was given in vain."""
-    from tof_core.config import table
-    from toftwin.given import Addressed, ignored, sections_of
+    from toftwin.given import ignored, sections_of
 
-    configs = [import_module(NODES[name]).CONFIG for name in spec.nodes]
-    addressed = [Addressed(n.get_fully_qualified_name(), tuple(i.name for i in table(c))) for n, c in zip(nodes, configs, strict=True)]
+    addressed = [_addressed(name, node.get_fully_qualified_name()) for name, node in zip(spec.nodes, nodes, strict=True)]
     found = ignored(sections_of(spec.ros_args()), addressed, spec.elsewhere)
     for node in nodes:
         node.warns.append(partial(list, found[node.get_fully_qualified_name()]))
