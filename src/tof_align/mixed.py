@@ -214,8 +214,10 @@ def _scatter(normal: Normal, own: Own) -> tuple[Float, Float]:
 
 def _alike(where: Ints) -> list[tuple[Ints, Ints]]:
     """Places (s,) that views share, and those views."""
-    places, of = np.unique(where, axis=0, return_inverse=True)
-    return [(at, np.flatnonzero(of.ravel() == k)) for k, at in enumerate(places)]
+    views: dict[tuple[int, ...], list[int]] = {}
+    for view, places in enumerate(where.tolist()):
+        views.setdefault(tuple(places), []).append(view)
+    return [(np.array(at), np.array(mine)) for at, mine in sorted(views.items())]
 
 
 def _solve(H: Float, b: Float) -> tuple[Float, Float]:
@@ -250,7 +252,7 @@ def estimate(
     """Solve, with the sizes (metres, between `low` of each kind and `high`) of maximum marginal likelihood."""
     answer = solve(normal, sizes, pull)
     for _ in range(rounds if sizes else 0):
-        own = _own_variance(answer)
+        own = _own_variance(normal, answer)
         new = {kind: float(np.clip(_size(normal, answer, kind, own), low[kind], high)) for kind in answer.sizes}
         still = all(abs(np.log(new[k] / answer.sizes[k])) < SETTLED for k in new)
         answer = solve(normal, new, pull)
@@ -279,10 +281,10 @@ def _size(normal: Normal, answer: Mixed, kind: str, own: Float) -> float:
     return float(np.sqrt(square / (learnt + DOUBT)))
 
 
-def _own_variance(answer: Mixed) -> Float:
+def _own_variance(normal: Normal, answer: Mixed) -> Float:
     """(V, o) marginal variances of the views' own unknowns."""
     variance = np.diagonal(answer.own_cov, axis1=1, axis2=2).copy()
-    for at, mine in _alike(answer.where):
-        gain = answer.gain[mine].reshape(-1, len(at))
-        variance[mine] += np.einsum("ij,ij->i", gain @ answer.cov[at[:, None], at], gain).reshape(len(mine), -1)
+    for one in normal.alike:
+        gain = answer.gain[one.views].reshape(-1, normal.shared)
+        variance[one.views] += np.einsum("ij,ij->i", gain @ answer.cov[one.where[:, None], one.where], gain).reshape(len(one.views), -1)
     return variance
