@@ -11,7 +11,7 @@ import numpy as np
 from tof_align import verdict as verdicts
 from tof_align.approach import approach
 from tof_align.carry import Carry
-from tof_align.causal_fit import Fit, Kept, Known, basis_around, fit_view, is_new, pin
+from tof_align.causal_fit import Fit, Kept, SharedErrors, basis_around, fit_view, is_new, pin
 from tof_align.chain import Chain, chain_of
 from tof_align.known import removed_at, through_known
 from tof_align.linearise import Linearised, linearise
@@ -50,7 +50,7 @@ class SessionAligner:
     samples: list[Sample] = field(default_factory=list)
     _kept: list[Kept] = field(default_factory=list)
     _chain: Chain | None = None
-    _known: Known | None = None
+    _shared: SharedErrors | None = None
     _start_ns: int | None = None
 
     def push(self, view: View) -> Posed:
@@ -89,28 +89,28 @@ class SessionAligner:
     def reset(self) -> None:
         """Forget everything."""
         self.samples, self._kept = [], []
-        self._chain = self._known = self._start_ns = None
+        self._chain = self._shared = self._start_ns = None
 
     def _place(self, taken: Sample, live: Pixels, predicted: Chain) -> Posed:
         lin = linearise(live, predicted.pose(-1), self.caster, self.config.weights)
-        if self._known is not None and len(lin.residual) and is_new(self._known.basis, lin):
+        if self._shared is not None and len(lin.residual) and is_new(self._shared.basis, lin):
             predicted = self._looking_elsewhere(taken, lin)
             lin = linearise(live, predicted.pose(-1), self.caster, self.config.weights)
         if len(lin.residual) < self.config.verdict.min_pixels:
             return self._refused(predicted, verdicts.FEW_PIXELS, f"only {len(lin.residual)} pixels see the CAD")
-        known = self._known or Known(basis_around(lin, self.caster, self.config))
-        fit = fit_view(live, predicted, lin, self._kept, known, self.caster, self.config)
+        shared = self._shared or SharedErrors(basis_around(lin, self.caster, self.config))
+        fit = fit_view(live, predicted, lin, self._kept, shared, self.caster, self.config)
         seen = self._observe(fit.chain, fit.answer)
         kept = pin(fit, seen)
         moved = fit.chain.moved(kept.x, kept.own)
-        explained = unmodelled(fit.columns, fit.chain, known.basis, kept, len(self._kept)).sum(axis=1)
+        explained = unmodelled(fit.columns, fit.chain, shared.basis, kept, len(self._kept)).sum(axis=1)
         information = verdicts.information_of(fit.lin, fit.weights, self.config, explained).moved(
             fit.chain.links(len(self._kept))[0][:, :6]
         )
         verdict = self._judge(taken, fit, explained, information, moved, seen)
         if not verdict.accepted:
             return self._refused(predicted, verdict.short, verdict.reason)
-        self._remember(taken, moved, fit, known, information)
+        self._remember(taken, moved, fit, shared, information)
         T = moved.pose(-1)
         cov = se3.cov_fixed_axes(T, camera_cov(fit.chain, fit.answer, len(self._kept) - 1))
         return Posed(T, cov, seen.at(T[:3, 3]), verdict=verdict.reason, short=verdict.short)
@@ -145,8 +145,8 @@ class SessionAligner:
         prior = np.diag(self.config.priors.base**2)
         return observe_block(answer.cov[:6, :6], prior, chain.frame(0), centre, self.config.verdict)
 
-    def _remember(self, taken: Sample, moved: Chain, fit: Fit, known: Known, information: verdicts.Information) -> None:
-        self._known, self._chain = replace(known, sizes=dict(fit.answer.sizes), misfit_m=fit.misfit_m), moved
+    def _remember(self, taken: Sample, moved: Chain, fit: Fit, shared: SharedErrors, information: verdicts.Information) -> None:
+        self._shared, self._chain = replace(shared, sizes=dict(fit.answer.sizes), misfit_m=fit.misfit_m), moved
         self._kept = [replace(k, arm=arm) for k, arm in zip(self._kept, moved.arm, strict=False)]
         self._kept.append(Kept(taken, fit.lin.T_cell_camera, fit.gram, moved.arm[-1], information))
         if len(self._kept) > self.window:
@@ -156,30 +156,30 @@ class SessionAligner:
     def _fold(self, views: list[Kept]) -> None:
         """Views leave the window: their information about base, hand-eye and shared errors is carried on."""
         assert self._chain is not None
-        assert self._known is not None
+        assert self._shared is not None
         chain = chain_of([k.sample for k in views], self.config.priors)
         chain = replace(
             chain, pivot=self._chain.pivot, base=self._chain.base, hand_eye=self._chain.hand_eye, arm=np.array([k.arm for k in views])
         )
         shifts = np.array([se3.log(se3.inverse(k.T_cell_camera) @ chain.pose(v)) for v, k in enumerate(views)])
-        normal = assemble([k.gram for k in views], chain, self._known.basis, np.zeros(0), shifts)
-        self._known = replace(self._known, carry=Carry.of(normal, self._known.sizes, chain, self._known.carry))
+        normal = assemble([k.gram for k in views], chain, self._shared.basis, np.zeros(0), shifts)
+        self._shared = replace(self._shared, carry=Carry.of(normal, self._shared.sizes, chain, self._shared.carry))
 
     def _close_station(self) -> None:
         """The base drives on: its pose is integrated out, the other information is kept."""
         if self._kept:
             self._fold(self._kept)
             self._kept = []
-        if self._known is not None and self._known.carry is not None and self._chain is not None:
-            self._known = replace(self._known, carry=self._known.carry.without_base(self._chain))
+        if self._shared is not None and self._shared.carry is not None and self._chain is not None:
+            self._shared = replace(self._shared, carry=self._shared.carry.without_base(self._chain))
 
     def _looking_elsewhere(self, taken: Sample, lin: Linearised) -> Chain:
         """The view sees other surfaces: their errors get columns of their own, and the base is looked for as at a new station."""
         self._close_station()
-        assert self._known is not None
-        basis = basis_around(lin, self.caster, self.config, self._known.basis)
-        carry = None if self._known.carry is None else self._known.carry.with_surface_of(basis, self._known.basis, self._known.sizes)
-        self._known = replace(self._known, basis=basis, carry=carry)
+        assert self._shared is not None
+        basis = basis_around(lin, self.caster, self.config, self._shared.basis)
+        carry = None if self._shared.carry is None else self._shared.carry.with_surface_of(basis, self._shared.basis, self._shared.sizes)
+        self._shared = replace(self._shared, basis=basis, carry=carry)
         return self._predicted(taken)
 
     def _refused(self, chain: Chain, short: str, reason: str) -> Posed:

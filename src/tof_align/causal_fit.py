@@ -59,7 +59,7 @@ class Kept:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Known:
+class SharedErrors:
     """What earlier views leave: columns and sizes of shared errors, information about them, and the misfit of the last view in metres."""
 
     basis: Basis
@@ -100,26 +100,26 @@ def is_new(basis: Basis, lin: Linearised) -> bool:
 
 
 def fit_view(
-    live: Pixels, chain: Chain, lin: Linearised, kept: Sequence[Kept], known: Known, caster: Raycaster, config: AlignConfig
+    live: Pixels, chain: Chain, lin: Linearised, kept: Sequence[Kept], shared: SharedErrors, caster: Raycaster, config: AlignConfig
 ) -> Fit:
     """Gauss-Newton on the new view and the window; the answer's step is not taken yet.
 
     Weights are those of a session: an error that the columns describe incompletely counts as one error of a patch, not of each pixel.
     """
-    last, limits, misfit_m = len(kept), config.weights.shared, known.misfit_m
-    columns = columns_of(lin, known.basis)
-    weights = _weighed(lin, first_look(lin, limits), columns, known.basis, known.sizes, misfit_m, config)
-    fit = _solved(chain, lin, columns, weights, kept, known, config, misfit_m)
+    last, limits, misfit_m = len(kept), config.weights.shared, shared.misfit_m
+    columns = columns_of(lin, shared.basis)
+    weights = _weighed(lin, first_look(lin, limits), columns, shared.basis, shared.sizes, misfit_m, config)
+    fit = _solved(chain, lin, columns, weights, kept, shared, config, misfit_m)
     for _ in range(STEPS - 1):
         if np.abs(camera_step(chain, fit.answer, last)).max() < STILL:
             break
         chain = chain.moved(fit.answer.x, fit.answer.own)
         lin = linearise(live, chain.pose(last), caster, config.weights)
-        columns = columns_of(lin, known.basis)
-        smooth = unmodelled(columns, chain, known.basis, fit.answer, last)
+        columns = columns_of(lin, shared.basis)
+        smooth = unmodelled(columns, chain, shared.basis, fit.answer, last)
         misfit_m = halfway(misfit(smooth, limits), misfit_m)
-        weights = _weighed(lin, lin.residual - smooth.sum(axis=1), columns, known.basis, fit.answer.sizes, misfit_m, config)
-        fit = _solved(chain, lin, columns, weights, kept, known, config, misfit_m)
+        weights = _weighed(lin, lin.residual - smooth.sum(axis=1), columns, shared.basis, fit.answer.sizes, misfit_m, config)
+        fit = _solved(chain, lin, columns, weights, kept, shared, config, misfit_m)
     return fit
 
 
@@ -138,7 +138,7 @@ def _solved(
     columns: ViewColumns,
     weights: Float,
     kept: Sequence[Kept],
-    known: Known,
+    shared: SharedErrors,
     config: AlignConfig,
     misfit_m: float | None,
 ) -> Fit:
@@ -146,13 +146,13 @@ def _solved(
     d, gram = config.discrepancy, columns.gram(weights)
     at = [*(k.T_cell_camera for k in kept), lin.T_cell_camera]
     shifts = np.array([se3.log(se3.inverse(T_lin) @ chain.pose(v)) for v, T_lin in enumerate(at)])
-    normal = assemble([*(k.gram for k in kept), gram], chain, known.basis, np.zeros(0), shifts)
-    pull = None if known.carry is None else known.carry.at(chain)
+    normal = assemble([*(k.gram for k in kept), gram], chain, shared.basis, np.zeros(0), shifts)
+    pull = None if shared.carry is None else shared.carry.at(chain)
     start = {kind: 1e-3 * (d.part_start_mm if kind.startswith(PART) else d.start_mm) for kind in (*normal.kinds, *normal.own_kinds)}
     # A part that was in its place may be moved while the robot works; a size near zero would stay there.
-    sizes = {kind: max(known.sizes.get(kind, size), size if kind.startswith(PART) else 0.0) for kind, size in start.items()}
-    rounds = ROUNDS if known.sizes else d.rounds
-    answer = estimate(normal, sizes, rounds=rounds, low=least_sizes(sizes, known.basis, d), high=d.ceiling_mm * 1e-3, pull=pull)
+    sizes = {kind: max(shared.sizes.get(kind, size), size if kind.startswith(PART) else 0.0) for kind, size in start.items()}
+    rounds = ROUNDS if shared.sizes else d.rounds
+    answer = estimate(normal, sizes, rounds=rounds, low=least_sizes(sizes, shared.basis, d), high=d.ceiling_mm * 1e-3, pull=pull)
     return Fit(chain, lin, columns, weights, gram, normal, answer, pull, misfit_m)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from tof_core.shares import in_percent
 from tof_gap.calibration_apart import as_calibrated, mounts_differ
 from tof_gap.second import as_fitted, enlarged
+from tof_gap.seen.finding import not_expected
 from tof_gap.tell.comparison import Against, unnamed
 from tof_gap.tell.difference import LACKS, STRONG, SUPERFLUOUS, WEAK, AgainstLimits, Difference
 from tof_gap.tell.levels_apart import Level, Seen, mixing_apart, steps_apart, wraps_apart
@@ -142,7 +143,7 @@ def _missing(real: Diagnosis, simulated: Diagnosis, limits: AgainstLimits) -> tu
 
 def _sizes_of_both(pair: Pair, simulated: Diagnosis) -> dict[str, tuple[float, float]]:
     """Effects that both sessions have, with their RMS in mm in either; NaN for those of noise, loss and edges, which have no map."""
-    found = [{f.name for f in side.findings if not f.expected} for side in (pair.real, simulated)]
+    found = [{f.name for f in not_expected(side.findings)} for side in (pair.real, simulated)]
     return dict.fromkeys(found[0] & found[1], (np.nan, np.nan)) | {
         n: pair.sizes_mm(n) for n in pair.real_maps.keys() & pair.simulated_maps.keys()
     }

@@ -169,13 +169,23 @@ class PixelLimits:
         1e-3, "probability of as many noisy pixels by chance", low=0.0, high=1.0, why="a single pixel in 300 is no evidence"
     )
     views: int = param(8, "views that see the pixel", low=2, why="the median of fewer exceeds `ratio` by chance")
-    confirmed: float = param(
-        0.5,
-        "share of the pixels that are noisy in half of the views and above the usual in the others, beyond chance",
-        low=0.0,
-        high=1.0,
-        why="telegraph pixels: 0.77; long tails of noise in weak light: 0.11 to 0.24",
+    noisiest: float = param(
+        0.02, "share of the pixels that are the noisiest of half of the views", low=1e-3, high=0.5, why="unstable pixels are a few percent"
     )
+    least_pixels: int = param(1000, "pixels that both halves of the views see", low=100, why="twenty of them are the noisiest")
+    line: float = param(
+        0.4,
+        "ln variance of a whole line, above or below all, from which its pixels are not judged",
+        low=0.01,
+        why="noise of pixels by chance, averaged over a line, stays within 0.2",
+    )
+    repeated: float = param(
+        0.5,
+        "standard deviations of ln variance by which the noisiest pixels of half of the views exceed all in the other half",
+        low=0.0,
+        why="unstable pixels of eleven sessions: 0.9 to 2.2; 24 other sessions: 0.27 at most",
+    )
+    own_mm: float = param(1.0, "noise of such pixels of their own", unit="mm", low=0.0, why="less over few pixels is a usual camera's")
     around_px: int = param(
         16, "side of the squares whose pixels are compared", unit="px", low=4, high=256, why="a hundred pixels know their median to 10 %"
     )

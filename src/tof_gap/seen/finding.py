@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from tof_core.arrays import Float, Mask
     from tof_sensor.effect import Effect
     from tof_sensor.effects.photon_law import PhotonLaw
@@ -54,6 +56,11 @@ class Finding:
     def name(self) -> str:
         """Name in the vocabulary."""
         return self.effect.NAME
+
+
+def not_expected(findings: Iterable[Finding]) -> list[Finding]:
+    """The findings that are effects: the camera neither is known to have them nor has them by design."""
+    return [f for f in findings if not f.expected]
 
 
 def most(effect: type[Effect], name: str) -> float:

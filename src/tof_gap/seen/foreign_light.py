@@ -36,7 +36,8 @@ def foreign_light(
 
     Another camera's modulated light adds a phasor with a phase of its own in every capture (docs/effects.md). Most of the depth error
     that the phasor makes looks like a step of the camera along its optical axis, and the arm's error absorbs it. No other effect is
-    random from capture to capture, and an arm errs across the axis too. The rest is a smooth field; a loose mount leaves none.
+    random from capture to capture, and an arm errs across the axis too. The rest is a smooth field, smaller than these steps; a loose mount
+    leaves none.
     Weak foreign light stays within the arm's prior: then the field must exceed the errors of the named effects' maps, and it must be there
     beside any error of the poses. Poses that follow an error of the CAD leave a field, too.
 
@@ -56,6 +57,8 @@ def foreign_light(
     if not in_most_views(views, fields, limits, least_m) or not (beyond or _beside_poses(views, limits)):
         return None
     size = float(np.sqrt(np.mean(arms[:, ALONG] ** 2)))
+    if size < np.median(explained_m(views, fields)):
+        return None
     share = np.stack([np.where(v.smooth, np.hypot(f, size), np.nan) for v, f in zip(views, fields, strict=True)])
     note = f"every capture is off along the view by an amount of its own, {1e3 * size:.1f} mm RMS"
     return Finding(

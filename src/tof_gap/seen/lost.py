@@ -101,10 +101,12 @@ class Losses(NamedTuple):
         return np.concatenate([g[i] for g, i in zip(self.share, self.inside, strict=True)])
 
 
-def losses_of(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequence[Mask]) -> Losses:
-    """The losses of views of which a filter in the camera removed the pixels `filtered`, (H, W) per view."""
+def losses_of(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequence[Mask] | None = None) -> Losses:
+    """The losses of views, but of the pixels `filtered`, (H, W) per view, which a filter in the camera removed."""
     too_bright = brightest(views, limits)
-    inside = [expected(v, limits) & ~f for v, f in zip(views, filtered, strict=True)]
+    inside = [expected(v, limits) for v in views]
+    if filtered is not None:
+        inside = [i & ~f for i, f in zip(inside, filtered, strict=True)]
     return Losses(inside, [lost(v, limits, too_bright) for v in views], too_bright)
 
 

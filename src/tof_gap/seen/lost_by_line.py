@@ -36,7 +36,7 @@ def lost_by_lines(views: Sequence[ViewEvidence], noisy: Sequence[LineNoise], lim
 
 def _spread(views: Sequence[ViewEvidence], axis: int, limits: MissingLimits) -> Float:
     """Of the shares that lines along `axis` lose: variance that both halves of a line share, covariance with lines `APART`, squared mean."""
-    losses = losses_of(views, limits, [np.zeros(views[0].residual.shape, bool)] * len(views))
+    losses = losses_of(views, limits)
     found = np.zeros(3)
     for share, inside in zip(losses.share, losses.inside, strict=True):
         seen, gone = (image if axis == 1 else image.T for image in (inside, np.where(inside, share, 0.0)))

@@ -39,7 +39,7 @@ def lost_by_pixels(views: Sequence[ViewEvidence], limits: MissingLimits) -> bool
 
 def _beside_around(views: Sequence[ViewEvidence], limits: MissingLimits) -> Float:
     """(H, W) share of the views that lose a pixel, less the mean of the pixels around; NaN where few views should see it."""
-    losses = losses_of(views, limits, [np.zeros(views[0].residual.shape, bool)] * len(views))
+    losses = losses_of(views, limits)
     seen = np.sum(losses.inside, axis=0, dtype=float)
     gone = np.sum([np.where(i, g, 0.0) for i, g in zip(losses.inside, losses.share, strict=True)], axis=0)
     around = uniform_filter(gone, AROUND_PX) / np.maximum(uniform_filter(seen, AROUND_PX), 1e-9)

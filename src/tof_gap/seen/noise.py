@@ -29,7 +29,7 @@ from tof_gap.seen.photons import (
     of_one_capture,
     over_law,
 )
-from tof_gap.seen.pixel_noise import confirmed, noisy_pixels, pixel_pattern
+from tof_gap.seen.pixel_noise import halves_agree, noisy_pixels, pixel_pattern
 from tof_gap.seen.range_code import steps_along_ray
 from tof_gap.seen.repeated import repeated
 from tof_gap.seen.stripes import beat
@@ -153,9 +153,9 @@ def _noise(
 def _pixels(views: Sequence[ViewEvidence], limits: NoiseLimits) -> list[Part]:
     """Noise of single pixels. Constant offsets of pixels raise the estimated noise: single noisy pixels are not found beside them."""
     pixels = _noisy(views, limits)
-    size = 0.0 if pixels is None else over_mean(views) * float(pixels.size_m * np.sqrt(pixels.share))
-    if pixels is None or size <= limits.extra_mm * 1e-3:
+    if pixels is None or over_mean(views) * pixels.size_m <= limits.pixels.own_mm * 1e-3:
         return []
+    size = over_mean(views) * float(pixels.size_m * np.sqrt(pixels.share))
     return [Part(f"of {in_percent(pixels.share)} of the pixels", size, where=pixels.where)]
 
 
@@ -238,7 +238,7 @@ def _noisy(views: Sequence[ViewEvidence], limits: NoiseLimits) -> NoisyPixels | 
     found = noisy_pixels(beside, limits.pixels)
     if found.share <= limits.pixel_share or found.chance >= limits.pixels.chance:
         return None
-    return found if confirmed(beside, limits.pixels) > limits.pixels.confirmed else None
+    return found if halves_agree(beside, limits.pixels) > limits.pixels.repeated else None
 
 
 def without_noisy_pixels(views: Sequence[ViewEvidence], limits: NoiseLimits) -> Sequence[ViewEvidence]:

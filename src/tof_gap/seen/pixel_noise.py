@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import label
+from scipy.ndimage import label, uniform_filter
 from scipy.special import pdtrc
 
 from tof_core.stats import CHI2_MEDIAN, blocks, group_medians, second_differences
 from tof_gap.seen.pattern import in_common
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from tof_core.arrays import Float, Ints, Mask
     from tof_gap.limits.seen import PixelLimits
@@ -22,8 +22,10 @@ if TYPE_CHECKING:
 
 BANDS = 16
 """Bands of rows that are judged one after the other, since the images of all views of a long session take gigabytes."""
-ABOVE = 2.0
-"""Squared deviation over that of quiet pixels that counts as above the usual: a quarter of quiet pixels in half of the views, nearly all noisy ones."""
+SIDE = 3
+"""Side in pixels of the squares over which variances are averaged: that of the smallest average of a camera."""
+CAP2 = 16.0
+"""Squared deviation, in variances, beyond which one counts no more: four standard deviations are an edge."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +44,7 @@ class NoisyPixels:
 
 def noisy_pixels(views: Sequence[ViewEvidence], limits: PixelLimits) -> NoisyPixels:
     """Pixels whose variance over the views exceeds the views' noise; constant offsets of pixels are removed from both."""
-    known, variance = _all_rows(views, limits.views)
+    known, variance = _all_rows(views, limits.views, _median)
     quiet = _around(variance, known, limits.around_px)
     where = known & (variance > limits.ratio * np.maximum(quiet, 1e-12))
     share = float(where.sum() / max(known.sum(), 1))
@@ -54,27 +56,46 @@ def noisy_pixels(views: Sequence[ViewEvidence], limits: PixelLimits) -> NoisyPix
     return NoisyPixels(where, share, float(np.sqrt(max(size2, 0.0))), chance)
 
 
-def confirmed(views: Sequence[ViewEvidence], limits: PixelLimits) -> float:
-    """Share of the pixels that are noisy in one half of the views and above the usual in the other half, beyond chance.
+def halves_agree(views: Sequence[ViewEvidence], limits: PixelLimits) -> float:
+    """How noisy those pixels are in the other half of the views that are noisiest in one half.
 
-    A noisy pixel is so in every view. Where light is weak, noise has long tails: other pixels stand out in each half.
+    The result is their mean ln variance above that of all pixels, in its standard deviations. An unstable pixel is noisy in every view. Long tails of noise in weak light, edges and texture make other pixels noisy in each half: 0.
     """
-    halves = [_all_rows(views[k::2], limits.views // 2) for k in (0, 1)]
-    known = halves[0][0] & halves[1][0]
-    if not known.any():
+    halves = [_ln_variance(views[k::2], limits) for k in (0, 1)]
+    seen = np.isfinite(halves[0]) & np.isfinite(halves[1])
+    if seen.sum() < limits.least_pixels:
         return 0.0
-    relative = [variance[known] / max(float(np.median(variance[known])), 1e-12) for _, variance in halves]
-    turns = [(here > limits.ratio, there > ABOVE) for here, there in (relative, relative[::-1])]
-    both = sum(float((noisy & above).sum()) for noisy, above in turns)
-    chance = sum(float(noisy.sum() * above.mean()) for noisy, above in turns)
-    flagged = sum(float(noisy.sum()) for noisy, _ in turns)
-    return (both - chance) / max(flagged - chance, 1.0)
+    scaled = [(h[seen] - h[seen].mean()) / max(float(h[seen].std()), 1e-12) for h in halves]
+    noisiest = [h > np.quantile(h, 1.0 - limits.noisiest) for h in scaled]
+    return float(np.mean([there[here].mean() for here, there in zip(noisiest, scaled[::-1], strict=True)]))
 
 
-def _all_rows(views: Sequence[ViewEvidence], least: int) -> tuple[Mask, Float]:
+def _ln_variance(views: Sequence[ViewEvidence], limits: PixelLimits) -> Float:
+    """(H, W) ln of the mean variance over `SIDE` x `SIDE` pixels, over that of the region and of the line.
+
+    NaN where too few pixels are seen, and on lines that are noisier or quieter as a whole. A camera that averages spreads the noise of a pixel over its neighbours. Beside the steps of a pattern of lines, such an average takes
+    in neighbours by chance: whole lines are noisy then, not pixels.
+    """
+    known, variance = _all_rows(views, limits.views // 2, _capped_mean)
+    share = uniform_filter(known.astype(float), SIDE, mode="constant")
+    mean = uniform_filter(
+        np.where(known, variance / np.maximum(_around(variance, known, limits.around_px), 1e-12), 0.0), SIDE, mode="constant"
+    )
+    enough = known & (share > 0.5)
+    out = np.full(known.shape, np.nan)
+    out[enough] = np.log(np.maximum(mean[enough] / share[enough], 1e-12))
+    for axis, lines in enumerate(known.shape):
+        seen = np.isfinite(out)
+        which = np.nonzero(seen)[axis]
+        of_line = group_medians(out[seen], which, lines)[which]
+        out[seen] = np.where(np.abs(of_line) < limits.line, out[seen] - of_line, np.nan)
+    return out
+
+
+def _all_rows(views: Sequence[ViewEvidence], least: int, of: Callable[[Float], Float]) -> tuple[Mask, Float]:
     """(H, W) of `_over_views`, band by band."""
     bands = np.array_split(np.arange(views[0].residual.shape[0]), BANDS)
-    known, variance = (np.concatenate(a) for a in zip(*(_over_views(views, rows, least) for rows in bands), strict=True))
+    known, variance = (np.concatenate(a) for a in zip(*(_over_views(views, rows, least, of) for rows in bands), strict=True))
     return known, variance
 
 
@@ -92,18 +113,27 @@ def _around(variance: Float, known: Mask, side: int) -> Float:
     return out
 
 
-def _over_views(views: Sequence[ViewEvidence], rows: Ints, least: int) -> tuple[Mask, Float]:
-    """(rows, W) pixels that `least` views see, and the variance of each over the views, relative to that of its neighbours."""
+def _median(squares: Float) -> Float:
+    """(n,) variance from squared deviations (V, n), NaN where unseen: an edge across a pixel in one view does not make it noisy."""
+    return np.asarray(np.nanmedian(squares, axis=0) / CHI2_MEDIAN)
+
+
+def _capped_mean(squares: Float) -> Float:
+    """(n,) mean of squared deviations (V, n), NaN where unseen, of which the largest count as `CAP2`: more exact than the median."""
+    return np.asarray(np.nanmean(np.minimum(squares, CAP2), axis=0))
+
+
+def _over_views(views: Sequence[ViewEvidence], rows: Ints, least: int, of: Callable[[Float], Float]) -> tuple[Mask, Float]:
+    """(rows, W) pixels that `least` views see, and the variance `of` each over the views, relative to that of its neighbours."""
     high, sigma = (np.stack(a) for a in zip(*(_against_neighbours(v, rows) for v in views), strict=True))
     seen = np.isfinite(high)
     known = seen.sum(axis=0) >= least
     weight = np.where(seen, sigma**-2, 0.0)
     constant = (weight * np.where(seen, high, 0.0)).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-12)
     centred = np.where(seen, (high - constant) / sigma, 0.0)
-    # The median over the views, so that an edge across a pixel in one view does not make it noisy.
     square = np.where(seen, centred**2, np.nan).reshape(len(views), -1)
     variance = np.zeros(known.shape)
-    variance[known] = np.nanmedian(square[:, known.ravel()], axis=0) / CHI2_MEDIAN
+    variance[known] = of(square[:, known.ravel()])
     return known, variance
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter
 
 from tof_core.cores import in_threads
+from tof_gap.seen.averaged import averaging_error
 from tof_gap.seen.correlation import INDEPENDENT, noise_correlation
 from tof_gap.seen.edges import excluded, smear, streaks
 from tof_gap.seen.level import depth_step, noise_level
@@ -38,8 +39,8 @@ AROUND_PX = 9
 class ViewEvidence:
     """One view at its reference pose.
 
-    residual (H, W) metres of z, NaN where measurement or CAD is missing; sigma (H, W) metres, standard deviation of the view's
-    noise, both in single precision as depth is (60 nm of a metre); smooth, edge, gross (H, W) masks; pixels (n,) flat indices for
+    residual (H, W) metres of z, less what an average over neighbours in the camera makes of curved surfaces, NaN where measurement or
+    CAD is missing; sigma (H, W) metres, standard deviation of the view's noise, both in single precision as depth is (60 nm of a metre); smooth, edge, gross (H, W) masks; pixels (n,) flat indices for
     fits; concavity (H, W) share of the hemisphere over a pixel that the scene covers, NaN where it was not computed; step_m metres
     between depth codes, 0 where depth is continuous; limits: by which this view's pixels were selected; stepped (H, W): pixels beside
     steps of a named fixed pattern (`seen.steps`), None without one; noise_of_steps: whether noise grows with the steps around a pixel, as
@@ -192,12 +193,16 @@ def _of_view(view: View, frame: Frame, limits: EvidenceLimits, concavity: Image,
 
 
 def _correlated(view: ViewEvidence, wider_px: int, correlation: NoiseCorrelation) -> ViewEvidence:
-    """The evidence of a view whose neighbouring pixels share noise, once this is known; what lies near edges does not depend on it."""
+    """The evidence of a view whose neighbouring pixels share noise, once this is known; what lies near edges does not depend on it.
+
+    The CAD's curved surfaces are seen as the camera's average shows them.
+    """
     blur_px = smear(view.frame, view.limits.blur)
     reached = excluded(view.frame, view.limits, wider_px, blur_px) if blur_px else view.edge  # A moving view's edges include streaks.
-    residual = view.residual.astype(np.float64)
+    bent = averaging_error(view.rendering, view.frame.length, correlation.window_px)
+    residual = view.residual.astype(np.float64) - bent
     sigma, smooth, edge, gross = _sorted_out(residual, view.frame, reached, blur_px, view.limits, view.step_m, correlation)
-    return replace(view, sigma=single(sigma), smooth=smooth, edge=edge, gross=gross, correlation=correlation)
+    return replace(view, residual=single(residual), sigma=single(sigma), smooth=smooth, edge=edge, gross=gross, correlation=correlation)
 
 
 def _sorted_out(

@@ -83,7 +83,7 @@ def _lossy_lines(views: Sequence[ViewEvidence], limits: MissingLimits) -> Mask:
     Loss by light, by a part or by chance is alike in next lines. The quarter that loses least remains to be judged.
     """
     shape = views[0].residual.shape
-    losses = losses_of(views, limits, [np.zeros(shape, bool)] * len(views))
+    losses = losses_of(views, limits)
     gone, inside = sum(losses.share), sum(losses.inside)
     for axis in (0, 1):
         of_line, seen = np.sum(gone, axis=axis), np.sum(inside, axis=axis)

@@ -11,6 +11,7 @@ import numpy as np
 from tof_core.memory import give_back
 from tof_gap.seen import detected, missing, noise
 from tof_gap.seen.arm_steps import chance_of_following, chance_of_sagging, contents, over_prior
+from tof_gap.seen.finding import not_expected
 from tof_gap.seen.foreign_lamp import foreign_lamp
 from tof_gap.seen.foreign_light import ALONG, along_the_view, drifts_by_chance, foreign_light
 from tof_gap.seen.lost_by_line import lost_by_lines
@@ -67,11 +68,11 @@ class Cause:
 class Account:
     """Everything that is read off one solution.
 
-    causes: effects of the solution, each with its figures on held-out views; findings: effects that noise, loss or edges show;
-    figures: the arrays that every figure is computed from; gap: before and after all asserted effects; pushed: whether arm errors
-    along the optical axis exceed the robot's prior and no named effect explains them; follows: whether they follow distance and
-    amplitude of the views, as a depth error does that the poses absorb; sags: whether turns of the camera follow the hand's attitude;
-    astray: whether arm errors exceed the robot's prior in positions and turns.
+    causes: of the solution, each with its figures on held-out views; findings: effects that noise, loss or edges show; figures: the
+    arrays that every figure is computed from; gap: before and after all asserted effects; pushed: whether arm errors along the optical
+    axis exceed the robot's prior and no named effect explains them; follows: whether they follow distance and amplitude of the views, as
+    a depth error does that poses absorb; sags: whether turns of the camera follow the hand's attitude; astray: whether arm errors exceed
+    the robot's prior in positions and turns.
     """
 
     solved: Solved
@@ -88,7 +89,7 @@ class Account:
         """Names for the verdict: causes and findings; without `causes`, only the findings that were not read off structure."""
         return {
             *(c.named.verdict for c in self.causes if causes and not c.named.suspected),
-            *(f.name for f in self.findings if not f.expected and (causes or not f.structure)),
+            *(f.name for f in not_expected(self.findings) if causes or not f.structure),
         }
 
     @property
@@ -168,7 +169,7 @@ def without_causes(found: Account) -> Account:
 def _gap(counted: Figures, findings: Sequence[Finding], names: Sequence[str]) -> Shrink:
     """The gap before and after these effects. No shrink where only noise and loss were found: there is no bias to remove."""
     gap = counted.shrink(names)
-    return replace(gap, shrink=None, ci95=None) if any(not f.expected for f in findings) and not names else gap
+    return replace(gap, shrink=None, ci95=None) if not_expected(findings) and not names else gap
 
 
 def _findings(solved: Solved, config: GapConfig, stated: StatedNoise, left_out: AbstractSet[str], *, follows: bool) -> tuple[Finding, ...]:
@@ -286,8 +287,7 @@ def filtered(loss: Finding, beside: Sequence[Finding]) -> bool:
         return any(f.own_noise is not None for f in beside)
     if not isinstance(loss.effect, Dropout):
         return False
-    makers = [f.effect for f in beside if f.effect.makes_outliers]
-    return any(loss.rare or effect.EVIDENCE is not Evidence.NOISE for effect in makers)
+    return any(f.effect.makes_outliers and (loss.rare or f.effect.EVIDENCE is not Evidence.NOISE) for f in beside)
 
 
 def _removed_wraps(found: Finding) -> bool:

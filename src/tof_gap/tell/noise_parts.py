@@ -51,7 +51,8 @@ def measured(views: Sequence[ViewEvidence], limits: NoiseLimits) -> dict[str, Me
     pixels = noisy_pixels(beside_pixels(views, single_pixels(views)), limits.pixels)
     size_mm = ratio * float(pixels.size_m * np.sqrt(pixels.share))
     shown = pixels.share > limits.pixel_share and pixels.chance < limits.pixels.chance
-    out[OF_PIXELS] = Measured(size_mm, shown, shown and size_mm > max(limits.extra_mm, little_mm))
+    own = ratio * pixels.size_m > limits.pixels.own_mm
+    out[OF_PIXELS] = Measured(size_mm, shown, shown and own and size_mm > little_mm)
     return out
 
 

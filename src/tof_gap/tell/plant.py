@@ -11,6 +11,7 @@ from scipy.ndimage import uniform_filter
 
 from tof_core.shares import in_percent
 from tof_core.stats import touched
+from tof_gap.seen.finding import not_expected
 from tof_gap.tell.unexplained import by_part
 from tof_gap.tell.words import listed, spaced
 from tof_sensor.effect import Evidence
@@ -86,8 +87,7 @@ def plant_words(d: Diagnosis, scene: Scene) -> list[Words]:
     ]
     findings = [
         replace(_of_finding(f, _words(f.name, (f.effect,), "", maps.get(f.name), d, scene), scene), rivals=f.effect.rivals)
-        for f in d.findings
-        if not f.expected
+        for f in not_expected(d.findings)
     ]
     return [*causes, *findings]
 

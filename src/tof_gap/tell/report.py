@@ -13,6 +13,7 @@ import numpy as np
 
 from tof_core import se3
 from tof_core.memory import give_back
+from tof_gap.seen.finding import not_expected
 from tof_gap.seen.photons import variance_of_mean
 from tof_gap.seen.session import amplitude_unit
 from tof_gap.tell.plant import plant_words, to_dicts
@@ -56,7 +57,7 @@ def report(d: Diagnosis, caster: Raycaster, maps: list[Ints], advice: list[str],
             "verdict": list(d.verdict),
             "gap": _shrink(d.gap)
             | {"explainable": d.explainable, "dispersion": _dispersion(d), "missing": _missing(d), "floor_from": _floor_from(d)},
-            "causes": [_cause(c, d) for c in d.causes] + [_finding(f) for f in d.findings if not f.expected],
+            "causes": [_cause(c, d) for c in d.causes] + [_finding(f) for f in not_expected(d.findings)],
             "expected": [_finding(f) for f in d.findings if f.expected],
             "words": to_dicts(plant_words(d, caster.scene)),
             "where": {

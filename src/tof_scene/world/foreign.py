@@ -102,12 +102,13 @@ def foreign_objects(views: Sequence[Seen], before: Sequence[Mask], measured: Seq
         return [(views[v], measured[v], _pixels(cloud, mine, v, before[v])) for v in _views(cloud, mine, limits.object_view_px)]
 
     def no_bias(mine: Ints) -> bool:
-        """Whether the points are farther before the CAD than any sensor bias, or end in a step, which a bias does not, in most views.
+        """Whether a fifth of the points is farther before the CAD than any sensor bias, or they end in a step, which a bias does not, in most views.
 
-        A view from the side sees a flat object as a strip far before what lies behind: there it is far before the CAD, without one height.
+        An object that leans on a part approaches the CAD gradually. A view from the side sees a flat object as a strip far before what lies
+        behind: there it is far before the CAD, without one height.
         """
         most = limits.bias_most_mm * 1e-3
-        return bool(np.median(cloud.jump[mine]) > most) or most_end_in_a_step(shown_by(mine), on_a_part=False, beyond_m=most)
+        return _stands_out(cloud.jump[mine], limits.bias_most_mm) or most_end_in_a_step(shown_by(mine), on_a_part=False, beyond_m=most)
 
     for mine in _clusters(cloud.points, cloud.static, voxel):
         shown = _views(cloud, mine, limits.object_view_px)
@@ -218,7 +219,7 @@ def _clearance(views: Sequence[Seen], points: Float) -> Float:
 
 
 def _stands_out(clearance: Float, least_mm: float) -> bool:
-    """Whether more than a fifth of an object's points are farther from the CAD than `least_mm`."""
+    """Whether more than a fifth of an object's points are farther from the CAD, or before it, than `least_mm`."""
     return bool(np.quantile(clearance, 0.8) > least_mm * 1e-3)
 
 

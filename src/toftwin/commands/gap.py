@@ -183,6 +183,7 @@ def meaning_of(verdict: Sequence[str]) -> str:
 
 def summary(d: Diagnosis) -> str:
     """Summary of the diagnosis for a terminal."""
+    from tof_gap.seen.finding import not_expected
     from tof_gap.tell.report import arm_errors
     from tof_gap.tell.words import expected_words, interval, percent, spaced, unexplained_words, where_to_look
     from tof_scene.world.words import lines as world_lines
@@ -204,7 +205,7 @@ def summary(d: Diagnosis) -> str:
     elif not agrees:
         lines.append("no effect is certain enough to be simulated: the gap remains")
     lines += [cause_line(c, d) for c in d.causes]
-    found = [f for f in d.findings if not f.expected]
+    found = not_expected(d.findings)
     lines += [f"  {f.name}: confidence {f.confidence:.2f}" + (f", {f.note}" if f.note and not f.size else "") for f in found]
     lines += expected_words(d.findings)
     if d.chain.root is None:

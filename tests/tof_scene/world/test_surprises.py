@@ -148,6 +148,18 @@ def test_a_part_that_is_bent_comes_back_to_its_place_and_is_no_object(shape: str
     assert found.foreign == ()
 
 
+def test_an_object_that_leans_on_a_part_approaches_it_gradually() -> None:
+    """A wedge of 14 x 14 cm rises from the plate to 12 cm: half of it is less than 6 cm before the plate, and one side alone ends in a step."""
+    foot = [[-0.07, -0.07, 0.0], [0.07, -0.07, 0.0], [0.07, 0.07, 0.0], [-0.07, 0.07, 0.0]]
+    top = [[0.07, -0.07, 0.12], [0.07, 0.07, 0.12]]
+    faces = np.array([[0, 1, 4], [3, 5, 2], [0, 4, 5], [0, 5, 3], [1, 2, 5], [1, 5, 4]], np.int32)
+    wedge = Part("wedge", np.array([*foot, *top]) + [-0.15, 0.05, 0.0], faces)
+    cad = scene(PLATE, BLOCK)
+    (found,) = find_surprises(views(scene(PLATE, BLOCK, wedge), cad), cad, LIMITS).foreign
+    assert len(found.views) > 1
+    np.testing.assert_allclose(found.centre_m[:2], [-0.15, 0.05], atol=0.03)
+
+
 def test_what_one_view_alone_sees_moves() -> None:
     real, cad = scene(PLATE, BLOCK, CRATE), scene(PLATE, BLOCK)
     seen = [views(real, cad)[0], *views(cad, cad)[1:]]
