@@ -153,7 +153,7 @@ def test_an_object_that_leans_on_a_part_approaches_it_gradually() -> None:
     foot = [[-0.07, -0.07, 0.0], [0.07, -0.07, 0.0], [0.07, 0.07, 0.0], [-0.07, 0.07, 0.0]]
     top = [[0.07, -0.07, 0.12], [0.07, 0.07, 0.12]]
     faces = np.array([[0, 1, 4], [3, 5, 2], [0, 4, 5], [0, 5, 3], [1, 2, 5], [1, 5, 4]], np.int32)
-    wedge = Part("wedge", np.array([*foot, *top]) + [-0.15, 0.05, 0.0], faces)
+    wedge = Part("wedge", np.array([*foot, *top]) + np.array([-0.15, 0.05, 0.0]), faces)
     cad = scene(PLATE, BLOCK)
     (found,) = find_surprises(views(scene(PLATE, BLOCK, wedge), cad), cad, LIMITS).foreign
     assert len(found.views) > 1
