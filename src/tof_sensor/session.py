@@ -70,7 +70,7 @@ class Session:
     parts: names of the scene's parts, in the scene's order; has_amplitude: whether any view has an amplitude image; modulated: whether
     noise depends on light, as for time-of-flight cameras, and not on range squared, as for stereo cameras; law: the camera's photon law
     from `--sensor`; noise: temporal noise by amplitude; exposed: whether exposure is automatic; noise_of_steps: whether noise grows with
-    the steps of a fixed pattern, over which the camera averages or not; posed_apart: whether all poses are independent of depth and have a
+    the steps of a fixed pattern, over which the camera averages or not; averages: whether the camera averages over neighbours; posed_apart: whether all poses are independent of depth and have a
     covariance, as poses from a board's corners do.
     """
 
@@ -82,6 +82,7 @@ class Session:
     noise: NoiseBins | None = None
     exposed: bool = False
     noise_of_steps: bool = False
+    averages: bool = False
     posed_apart: bool = False
 
     @property

@@ -136,6 +136,19 @@ def test_foreign_light_is_not_known_beside_bins_that_no_term_explains(uneven: fl
     assert (Ambient.detect(session(sunlight + shape * (usual + sunlight))) is not None) == found
 
 
+def test_a_camera_that_averages_is_noisier_where_its_average_takes_in_fewer_neighbours() -> None:
+    """Noise grows with the step from pixel to pixel, range times the tangent of incidence; real light is found beside it."""
+    noise = session(0.0).noise
+    assert noise is not None
+    usual = LAW.variance(noise.amplitude, noise.surroundings2)
+    fewer = (2.0 * usual * (noise.surroundings2**2 / noise.range2 - noise.range2)).reshape(VIEWS, BINS)
+    assert Ambient.detect(replace(session(fewer), averages=True)) is None
+    found = Ambient.detect(replace(session(fewer + light(4e-3, 0.0)), averages=True))
+    assert found is not None
+    assert isinstance(found.effect, Ambient)
+    assert found.effect.surface_m == pytest.approx(4e-3, rel=0.15)
+
+
 def test_without_a_law_or_an_amplitude_image_the_reason_is_given() -> None:
     assert Ambient.not_testable(session(0.0)) is None
     assert (

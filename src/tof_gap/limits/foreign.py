@@ -29,6 +29,12 @@ class ForeignLightLimits:
         high=1.0,
         why="two signs, each rare without foreign light",
     )
+    across_known: float = param(
+        0.7,
+        "standard deviation of the cameras' places across the axis, over the arm's prior, up to which errors there are known",
+        low=0.0,
+        why="half of the prior's variance; beyond, the estimates are smaller than the errors",
+    )
     chance_follows: float = param(
         1e-4,
         "probability at which these errors follow distance and amplitude of the views, or turns the hand's attitude",

@@ -28,6 +28,7 @@ def foreign_light(
     views: Sequence[ViewEvidence],
     arms: Float,
     arms_sd: Float,
+    camera_covs: Float,
     limits: ForeignLightLimits,
     named_m: float = 0.0,
     lines_m: Float | float = 0.0,
@@ -45,12 +46,13 @@ def foreign_light(
         views: at the solution's poses, less all smooth bias.
         arms: (V, 6) arm errors in the camera's frame, metres and radians.
         arms_sd: (V, 6) their standard deviations by the robot's prior.
+        camera_covs: (V, 6, 6) of the estimated poses, in the camera's frame.
         limits: largest probability by chance at which the effect is believed.
         named_m: metres, sizes of the named effects together (root of the sum of squares).
         lines_m: (V,) metres RMS of the smooth field that the noise of whole rows and columns makes in each view.
     """
     beyond = along_the_view(arms, arms_sd, limits)
-    if not beyond and _by_arm(arms, arms_sd) > limits.chance_across_fields:
+    if not beyond and (not _across_known(camera_covs, arms_sd, limits) or _by_arm(arms, arms_sd) > limits.chance_across_fields):
         return None
     fields = [field(v, limits) for v in views]
     least_m = np.maximum(0.0 if beyond else limits.field_share * named_m, lines_m)
@@ -90,6 +92,12 @@ def along_the_view(arms: Float, arms_sd: Float, limits: ForeignLightLimits) -> b
     """Whether arm errors (V, 6) along the optical axis exceed both the robot's prior and the errors across the axis."""
     along = float(((arms / arms_sd)[:, ALONG] ** 2).sum())
     return bool(chdtrc(len(arms), along) < limits.chance and _by_arm(arms, arms_sd) < limits.chance_across)
+
+
+def _across_known(camera_covs: Float, arms_sd: Float, limits: ForeignLightLimits) -> bool:
+    """Whether the views determine the cameras' places across the axis: else the estimated errors there are near zero, whatever the arm did."""
+    sd = np.sqrt(np.diagonal(camera_covs, axis1=1, axis2=2))
+    return bool(np.median((sd / arms_sd)[:, ACROSS]) < limits.across_known)
 
 
 def _by_arm(arms: Float, arms_sd: Float) -> float:

@@ -29,6 +29,7 @@ def session_of(views: Sequence[ViewEvidence], noise: NoiseLimits, scene: Scene |
         modulated=not like_stereo(views, noise),
         law=law,
         noise_of_steps=any(v.noise_of_steps for v in views),
+        averages=any(v.correlation.correlated for v in views),
         posed_apart=all(v.view.robot is not None and v.view.robot.cov is not None for v in views),
     )
 

@@ -210,7 +210,7 @@ def _foreign(solved: Solved, lines: Sequence[LineNoise], config: GapConfig, *, a
     left, limits, found = solved.bare, config.noise.foreign_light, None
     if arms_tell:
         of_lines = noise.smooth_by_lines(left, lines, config.noise)
-        found = foreign_light(left, solved.arms, solved.arms_sd, limits, _named_m(solved), of_lines)
+        found = foreign_light(left, solved.arms, solved.arms_sd, solved.camera_covs, limits, _named_m(solved), of_lines)
     if found is not None and found.posed_m < rough_m(solved):
         found = None
     lamp = foreign_lamp(left, solved.caster, config.noise.foreign_lamp)

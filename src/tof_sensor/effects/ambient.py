@@ -134,8 +134,7 @@ class Ambient(Effect):
         excess = bins.variance - predicted
         of_view = np.array([np.median((excess / predicted)[bins.view == v]) for v in np.unique(bins.view)])
         ratio = law.reference / bins.amplitude
-        # The camera's own noise: constant, as by pixel offsets; by less modulated light; the law times a factor.
-        own = np.stack([np.ones_like(ratio), ratio, predicted], axis=1)
+        own = _own_terms(bins, ratio, predicted, averages=session.averages)
         foreign = np.stack([bins.surroundings2 * ratio, ratio**2], axis=1)
         either = np.concatenate([own, foreign], axis=1)
         fitted = _fitted(either, excess, bins)
@@ -156,6 +155,18 @@ class Ambient(Effect):
         times = float(np.sqrt(1.0 + share))
         or_own = ", from foreign light or the camera's read-out" if effect.like_read_out else ""
         return Detection(effect, 0.95, note=f"noise {times:.1f} times that of the photon law in --sensor{or_own}")
+
+
+def _own_terms(bins: NoiseBins, ratio: Float, predicted: Float, *, averages: bool) -> Float:
+    """(n, k) the camera's own noise beyond its law: constant, as by pixel offsets; by less modulated light; the law times a factor.
+
+    A camera that averages takes in fewer neighbours the more the surface steps from pixel to pixel, and its noise is higher there: by the
+    square of range times the tangent of incidence.
+    """
+    columns = [np.ones_like(ratio), ratio, predicted]
+    if averages:
+        columns.append(predicted * np.maximum(bins.surroundings2**2 / bins.range2 - bins.range2, 0.0))
+    return np.stack(columns, axis=1)
 
 
 def _fitted(X: Float, excess: Float, bins: NoiseBins) -> Float:
