@@ -12,6 +12,7 @@ from tof_core.capture import View
 from tof_preproc import stages
 from tof_preproc.accumulate import accumulate
 from tof_preproc.frame import Frame, Report
+from tof_preproc.jumps import step_over_time
 from tof_preproc.noise import law_of_capture, law_of_dwell
 from tof_preproc.quantum import quantum_of
 from tof_preproc.stack import Stack
@@ -84,7 +85,8 @@ class Dwell:
     def view(self) -> tuple[View, Report]:
         """View of the captures so far, accumulated and filtered, and the report of the stages."""
         last, amplitude = self.last, self._amplitude()
-        result = accumulate(self._stack, self._expected_noise(amplitude), self._quantum, self._config, self._over)
+        step = step_over_time(self._stack, last.camera.ray_length(), self._quantum)
+        result = accumulate(self._stack, self._expected_noise(amplitude), max(self._quantum, step), self._config, self._over)
         report = Report({**self._report.removed, **result.rejected}, {**self._report.passed, **result.passed})
         frame = Frame(last.camera, result.depth, result.reason, result.sigma, amplitude)
         stages.apply(self._after, frame, self._config, report)
@@ -104,6 +106,7 @@ class Dwell:
             colour=self._colour,
             temperature=last.temperature,
             noise=np.where(valid, result.noise, np.nan).astype(np.float32),
+            code_m=step or None,
         )
         return view, report
 
