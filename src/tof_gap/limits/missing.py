@@ -35,6 +35,13 @@ class FilterLimits:
     quiet_lines: float = param(
         0.3, "loss of the quietest quarter of lines, over that of all", low=0.0, high=1.0, why="lost at random: 0.8; by a filter: 0.1"
     )
+    outliers: float = param(
+        0.05,
+        "share of the pixels up to which loss at random may be outliers of noise at every amplitude",
+        low=0.0,
+        high=1.0,
+        why="normal noise exceeds two standard deviations in 5 %",
+    )
     same_pixels: float = param(
         0.3,
         "correlation of the pixels that even and odd views lose, beside what is lost around them, from which a filter takes offsets of pixels for edges",

@@ -31,7 +31,7 @@ class Finding:
     (H, W) pixels with a noise of their own, which are in no figure; size, remedy: in words, where the evidence says more than the
     effect's parameters; parts: indices of those that carry most of it; rare: whether loss is neither at random nor below a threshold,
     as a filter around outliers makes it; structure: whether the evidence is structure of residuals, arm errors or holes, which an effect
-    outside the vocabulary may make too; expected: whether the camera is known to have the effect, or has it by design: it is then no
+    outside the vocabulary may make too; everywhere: whether it is noise of every pixel at every amplitude; expected: whether the camera is known to have the effect, or has it by design: it is then no
     effect of the session, but it explains what is seen.
     """
 
@@ -50,6 +50,7 @@ class Finding:
     remedy: str = ""
     parts: tuple[int, ...] = ()
     rare: bool = False
+    everywhere: bool = False
     expected: bool = False
 
     @property

@@ -50,6 +50,8 @@ if TYPE_CHECKING:
     from tof_sensor.effects.photon_law import PhotonLaw
     from tof_sensor.session import NoiseBins
 
+EVERYWHERE = "at every amplitude"
+"""Noise that is alike in weak and in bright light."""
 BY = "by columns", "by rows"
 """Lines whose pixels are along axis 0, and along axis 1."""
 FIELD_TERMS = 3
@@ -146,7 +148,7 @@ def _noise(
     floor_std = 0.0 if fitted is None else fitted.floor_std
     parts = _lines(views, _typical(b), 0.0, limits)
     if excess > max(least, limits.extra_sigma * floor_std):
-        parts.insert(0, Part("at every amplitude", excess))
+        parts.insert(0, Part(EVERYWHERE, excess))
     return _named([*parts, *_pixels(views, limits)], views, floor_std)
 
 
@@ -228,6 +230,7 @@ def _named(parts: Sequence[Part], views: Sequence[ViewEvidence], floor_std: floa
         common=sum(maps[1:], maps[0]) if maps else None,
         note=", ".join(f"{1e3 * part.size_m:.1f} mm {part.of}" for part in parts),
         own_noise=next((part.where for part in parts if part.where is not None), None),
+        everywhere=any(part.of == EVERYWHERE for part in parts),
     )
     return [found]
 

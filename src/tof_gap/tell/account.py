@@ -19,7 +19,7 @@ from tof_gap.seen.lost_by_pixel import lost_by_pixels
 from tof_gap.seen.photons import own_law
 from tof_gap.seen.repeated import repeated
 from tof_gap.tell.figures import figures
-from tof_sensor.effect import Evidence
+from tof_gap.tell.outliers import fails_to_merge, removed_outliers
 from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.dropout import Dropout
@@ -29,7 +29,6 @@ from tof_sensor.effects.lens_scatter import LensScatter
 from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.multipath import Multipath
 from tof_sensor.effects.noise import Noise
-from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.temperature_drift import TemperatureDrift
 from tof_sensor.effects.time_sync import TimeSync
 from tof_sensor.geometry import pose_columns
@@ -182,7 +181,7 @@ def _findings(solved: Solved, config: GapConfig, stated: StatedNoise, left_out: 
     gone = missing.missing_effects(
         left, config.missing, left_out, blurred=solved.names(Motion.NAME), stated=stated, law=lambda: own_law(left, (), config.noise)
     )
-    unmerged = any(map(_fails_to_merge, gone))
+    unmerged = any(map(fails_to_merge, gone))
     # The noise of wrongly merged frequencies grows in weak light, as that of foreign light does.
     lines = [] if Noise.NAME in left_out else noise.lines_found(left, config.noise)
     own = noise.beside_lines(noise.without_noisy_pixels(left, config.noise), lines)
@@ -197,7 +196,11 @@ def _findings(solved: Solved, config: GapConfig, stated: StatedNoise, left_out: 
     uneven = [*([] if foreign is None else [foreign]), *found]
     lossy = any(f.name == Dropout.NAME for f in gone)
     by_filter = lossy and (lost_by_lines(left, lines, config.missing) or lost_by_pixels(left, config.missing))
-    kept = (f for f in gone if not (filtered(f, [*light, *uneven, *gone]) or (by_filter and f.name == Dropout.NAME)))
+    kept = (
+        f
+        for f in gone
+        if not (removed_outliers(f, [*light, *uneven, *gone], config.missing.filter) or (by_filter and f.name == Dropout.NAME))
+    )
     uneven = [replace(f, expected=True) if stated.includes(f.effect) else f for f in uneven]
     return (*(f for f in light if not of_own_light(f, solved)), *uneven, *kept)
 
@@ -274,27 +277,3 @@ def _named_m(solved: Solved) -> float:
 def rough_m(solved: Solved) -> float:
     """Metres: error of the named effects' maps (`Effect.ROUGH`), which differs from view to view."""
     return float(np.sqrt(sum(n.effects[0].ROUGH * solved.sizes[n.name] ** 2 for n in solved.named if n.effects)))
-
-
-def filtered(loss: Finding, beside: Sequence[Finding]) -> bool:
-    """Whether the lost pixels may be outliers that a filter in the camera removed: then the effect `beside` explains them.
-
-    Noise makes few outliers in bright light, and even in the dark not every pixel is one. Such loss is neither at random nor
-    below a threshold (`rare`). Pixels that are unwrapped wrongly are outliers at any amplitude. Pixels with a noise of their own are
-    outliers too, more of them in weak light, although their phase is unwrapped rightly.
-    """
-    if _removed_wraps(loss):
-        return any(f.own_noise is not None for f in beside)
-    if not isinstance(loss.effect, Dropout):
-        return False
-    return any(f.effect.makes_outliers and (loss.rare or f.effect.EVIDENCE is not Evidence.NOISE) for f in beside)
-
-
-def _removed_wraps(found: Finding) -> bool:
-    """Whether a finding is of wrapped pixels of which the camera's filter kept none: no map shows their jump."""
-    return isinstance(found.effect, PhaseWrap) and not found.corrects
-
-
-def _fails_to_merge(found: Finding) -> bool:
-    """Whether merging of frequencies fails: jumps that no single frequency makes, or wrapped pixels that a filter removed."""
-    return isinstance(found.effect, PhaseWrap) and (len(found.effect.others_m) > 0 or _removed_wraps(found))

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from tof_gap.seen.lost import brightest, expected, lost
+from tof_gap.seen.lost_by_pixel import lost_by_pixels
 from tof_gap.seen.residual import gross_bound
 from tof_gap.seen.smeared import smeared
 from tof_gap.tell.account import astray2, rough_m, steps2
@@ -17,6 +18,7 @@ from tof_gap.tell.block_means import block_means, unbiased2
 from tof_gap.tell.figures import away_from_edges
 from tof_gap.tell.where import by_quantity
 from tof_sensor.effects.dropout import Dropout
+from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.registry import EFFECTS
@@ -194,9 +196,11 @@ def by_part(views: Sequence[ViewEvidence], maps: Iterable[Float], parts: int) ->
 
 
 def _lost_pixels(found: Account, parts: int, missing: MissingLimits) -> Float:
-    """(parts,) lost pixels of each part; zeros where they are few, or where `dropout` or a noise is named."""
+    """(parts,) lost pixels of each part; zeros where they are few, or where `dropout`, a noise, or a pattern that a filter stops at is named."""
     views = found.solved.bare
     if any(f.name == Dropout.NAME or f.effect.makes_outliers for f in found.findings):
+        return np.zeros(parts)
+    if FixedPattern.NAME in found.solved.maps and lost_by_pixels(views, missing):
         return np.zeros(parts)
     too_bright = brightest(views, missing)
     gone = by_part(views, [lost(v, missing, too_bright) for v in views], parts)

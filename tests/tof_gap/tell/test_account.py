@@ -14,10 +14,9 @@ from tof_gap.limits.foreign import ForeignLightLimits
 from tof_gap.limits.report import ReportLimits
 from tof_gap.seen.finding import Finding
 from tof_gap.solved import Named
-from tof_gap.tell.account import Account, Cause, filtered, of_own_light, unfounded, without_causes
+from tof_gap.tell.account import Account, Cause, of_own_light, unfounded, without_causes
 from tof_gap.tell.shrink import Errors, Shrink
 from tof_sensor.effects.ambient import Ambient
-from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
@@ -82,35 +81,6 @@ def test_causes_that_are_only_suspected_shrink_nothing() -> None:
     assert without_causes(both).gap.shrink == 0.7
     alone = replace(both, figures=cast("Any", SimpleNamespace(**vars(counted) | {"maps": {"wiggling": []}})), findings=())
     assert without_causes(alone).gap.shrink == 0.0
-
-
-@pytest.mark.parametrize(
-    ("loss", "may_be"),
-    [
-        (Finding(Dropout(threshold=0.1), 1.0, rare=True), True),
-        (Finding(Dropout(threshold=0.1), 1.0), False),
-        (Finding(PhaseWrap(), 1.0), False),
-    ],
-)
-def test_loss_that_is_neither_random_nor_below_a_threshold_may_be_a_filter_s(loss: Finding, *, may_be: bool) -> None:
-    noise = Finding(Noise(extra_m=0.001), 1.0)
-    assert filtered(loss, [noise]) is may_be
-    assert not filtered(loss, []), "nothing else makes outliers"
-
-
-@pytest.mark.parametrize(("share", "scattered"), [(0.02, True), (0.98, False)])
-def test_pixels_that_are_unwrapped_wrongly_here_and_there_are_what_a_filter_removes(share: float, *, scattered: bool) -> None:
-    loss = Finding(Dropout(threshold=0.3, random=0.2), 1.0)
-    assert filtered(loss, [Finding(PhaseWrap(share=share), 1.0)]) is scattered
-
-
-def test_holes_around_pixels_with_a_noise_of_their_own_are_no_failed_unwrapping() -> None:
-    holes, jumps = Finding(PhaseWrap(share=0.1), 0.6), Finding(PhaseWrap(share=0.1), 0.9, corrects=True)
-    single = Finding(Noise(extra_m=0.002), 0.95, own_noise=np.ones((2, 2), bool))
-    even = Finding(Noise(extra_m=0.002), 0.95)
-    assert filtered(holes, [single, holes])
-    assert not filtered(holes, [even, holes])
-    assert not filtered(jumps, [single, jumps]), "jumps of one size are wrapped phases beside any noise"
 
 
 def test_what_was_read_off_structure_is_no_name_beside_structure_without_one() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tof_gap.limits.foreign import ForeignLightLimits
+from tof_gap.limits.missing import MissingLimits
 from tof_gap.limits.report import ReportLimits
 from tof_gap.seen import detected, missing, noise
 from tof_gap.seen.finding import Finding
@@ -175,11 +176,12 @@ def findings_of(*, motion: bool = False, follows: bool = False, left_out: frozen
             "caster": "caster",
             "arms": "arms",
             "arms_sd": "sd",
+            "camera_covs": "covs",
             "names": lambda name: motion and name == Motion.NAME,
         }
     )
     config: Any = SimpleNamespace(
-        noise=SimpleNamespace(foreign_light=FIELDS, foreign_lamp="lamp", repeated=2.0), missing="missing", report=ReportLimits()
+        noise=SimpleNamespace(foreign_light=FIELDS, foreign_lamp="lamp", repeated=2.0), missing=MissingLimits(), report=ReportLimits()
     )
     return _findings(solved, config, NOTHING_STATED, left_out, follows=follows)
 
@@ -190,7 +192,7 @@ LIGHT = Finding(Interference(burst_m=0.001), 0.9, posed_m=2e-3)
 def test_foreign_light_is_a_finding_that_noise_does_not_name_again(monkeypatch: pytest.MonkeyPatch) -> None:
     told = detectors(monkeypatch, foreign=LIGHT, noise=[FOUND])
     assert findings_of() == (LIGHT, FOUND)
-    assert told["foreign"] == ("bare", "arms", "sd", FIELDS, pytest.approx(5e-3), LINES_M)
+    assert told["foreign"] == ("bare", "arms", "sd", "covs", FIELDS, pytest.approx(5e-3), LINES_M)
     assert told["noise"][2] == {"interference"}
     assert told["noise"][-1] == pytest.approx(5e-4), "a tenth of what is named may be left in a view"
     told = detectors(monkeypatch, noise=[FOUND])

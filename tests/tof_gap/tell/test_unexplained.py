@@ -305,6 +305,9 @@ def test_lost_pixels_that_nothing_names_are_unexplained_where_they_are() -> None
     assert found.where == ("part_7",)
     named = Finding(Dropout(random=0.1), 1.0)
     assert not look(account(lacking, left_over(0.0), findings=(named,)), parts(8), ReportLimits(), MissingLimits()).structured
+    # The same pixels in every view: a filter in the camera stops at the steps of a pattern that is named.
+    beside_pattern = account(lacking, left_over(0.0), maps={"fixed_pattern": ()})
+    assert not look(beside_pattern, parts(8), ReportLimits(), MissingLimits()).structured
 
 
 @pytest.mark.parametrize(("firmware", "depends_on"), [(mean, ("edge_px",)), (np.asarray, ())])

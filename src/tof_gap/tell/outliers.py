@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Lost pixels that may be outliers, which a filter in the camera removed: the effect that makes the outliers explains the loss."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tof_sensor.effect import Evidence
+from tof_sensor.effects.dropout import Dropout
+from tof_sensor.effects.phase_wrap import PhaseWrap
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_gap.limits.missing import FilterLimits
+    from tof_gap.seen.finding import Finding
+
+
+def removed_outliers(loss: Finding, beside: Sequence[Finding], limits: FilterLimits) -> bool:
+    """Whether the lost pixels may be outliers that a filter in the camera removed: then the effect `beside` explains them.
+
+    Photon noise makes few outliers in bright light, and even in the dark not every pixel is one. Such loss is neither at random nor
+    below a threshold (`rare`). Noise of every pixel at every amplitude makes outliers at random, as many as a filter's limit leaves.
+    Pixels that are unwrapped wrongly are outliers at any amplitude. Pixels with a noise of their own are outliers too, more of them in
+    weak light, although their phase is unwrapped rightly.
+    """
+    if _removed_wraps(loss):
+        return any(f.own_noise is not None for f in beside)
+    if not isinstance(loss.effect, Dropout):
+        return False
+    few_at_random = loss.effect.threshold == 0.0 and loss.effect.random < limits.outliers
+    return any(
+        f.effect.makes_outliers and (loss.rare or f.effect.EVIDENCE is not Evidence.NOISE or (f.everywhere and few_at_random))
+        for f in beside
+    )
+
+
+def fails_to_merge(found: Finding) -> bool:
+    """Whether merging of frequencies fails: jumps that no single frequency makes, or wrapped pixels that a filter removed."""
+    return isinstance(found.effect, PhaseWrap) and (len(found.effect.others_m) > 0 or _removed_wraps(found))
+
+
+def _removed_wraps(found: Finding) -> bool:
+    """Whether a finding is of wrapped pixels of which the camera's filter kept none: no map shows their jump."""
+    return isinstance(found.effect, PhaseWrap) and not found.corrects

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Losses that a filter in the camera makes of outliers: what makes the outliers explains them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tof_gap.limits.missing import FilterLimits
+from tof_gap.seen.finding import Finding
+from tof_gap.tell.outliers import removed_outliers
+from tof_sensor.effects.dropout import Dropout
+from tof_sensor.effects.noise import Noise
+from tof_sensor.effects.phase_wrap import PhaseWrap
+
+LIMITS = FilterLimits()
+
+
+@pytest.mark.parametrize(
+    ("loss", "may_be"),
+    [
+        (Finding(Dropout(threshold=0.1), 1.0, rare=True), True),
+        (Finding(Dropout(threshold=0.1), 1.0), False),
+        (Finding(PhaseWrap(), 1.0), False),
+    ],
+)
+def test_loss_that_is_neither_random_nor_below_a_threshold_may_be_a_filter_s(loss: Finding, *, may_be: bool) -> None:
+    noise = Finding(Noise(extra_m=0.001), 1.0)
+    assert removed_outliers(loss, [noise], LIMITS) is may_be
+    assert not removed_outliers(loss, [], LIMITS), "nothing else makes outliers"
+
+
+@pytest.mark.parametrize(("share", "scattered"), [(0.02, True), (0.98, False)])
+def test_pixels_that_are_unwrapped_wrongly_here_and_there_are_what_a_filter_removes(share: float, *, scattered: bool) -> None:
+    loss = Finding(Dropout(threshold=0.3, random=0.2), 1.0)
+    assert removed_outliers(loss, [Finding(PhaseWrap(share=share), 1.0)], LIMITS) is scattered
+
+
+def test_holes_around_pixels_with_a_noise_of_their_own_are_no_failed_unwrapping() -> None:
+    holes, jumps = Finding(PhaseWrap(share=0.1), 0.6), Finding(PhaseWrap(share=0.1), 0.9, corrects=True)
+    single = Finding(Noise(extra_m=0.002), 0.95, own_noise=np.ones((2, 2), bool))
+    even = Finding(Noise(extra_m=0.002), 0.95)
+    assert removed_outliers(holes, [single, holes], LIMITS)
+    assert not removed_outliers(holes, [even, holes], LIMITS)
+    assert not removed_outliers(jumps, [single, jumps], LIMITS), "jumps of one size are wrapped phases beside any noise"
+
+
+@pytest.mark.parametrize(
+    ("loss", "may_be"),
+    [(Dropout(random=0.03), True), (Dropout(random=0.08), False), (Dropout(threshold=0.1, random=0.03), False)],
+    ids=["few", "more than outliers", "in weak light"],
+)
+def test_noise_of_every_pixel_at_every_amplitude_makes_few_outliers_at_random(loss: Dropout, *, may_be: bool) -> None:
+    everywhere, in_the_dark = (Finding(Noise(extra_m=0.005), 0.95, everywhere=of) for of in (True, False))
+    assert removed_outliers(Finding(loss, 0.9), [everywhere], LIMITS) is may_be
+    assert not removed_outliers(Finding(loss, 0.9), [in_the_dark], LIMITS)
