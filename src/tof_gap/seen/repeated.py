@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from tof_core.stats import robust_std
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -14,11 +17,32 @@ if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
 
 
+QUIET = 3
+"""Views without the bias from which the ratio of both noises is known."""
+SHOWN = 0.5
+"""Share of the bias's variance by which captures must differ more than in these views, for light that is new in each capture."""
+MOST_RATIO = 1.3
+"""Ratio of the squared errors by captures and by neighbours in these views up to which they are without the light: noise alone has 1."""
+SURE = 3.0
+"""Standard deviations of that ratio from view to view which such a difference must exceed."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Power:
+    """Of one view: mean square of the bias and squared standard error of the mean by its captures, in m^2, and over the variance by neighbours."""
+
+    bias2: float
+    error2: float
+    bias_ratio: float
+    error_ratio: float
+
+
 def repeated(views: Sequence[ViewEvidence], bias: Float | None, limit: float, steps2: Float | float = 0.0) -> bool:
     """Whether a bias that is attributed to another light is larger than captures of one dwell differ.
 
     A light of another clock has a new phase in each capture. The mean of n captures keeps 1 / n of the variance of such a bias, and n
-    captures differ by as much: the standard error of the mean contains it.
+    captures differ by as much: the standard error of the mean contains it. It exceeds the noise that neighbours show, which the bias is
+    too smooth for, by more than in the views without the bias. (The mean of captures may lack it by chance where each of them has it.)
 
     Args:
         views: of one camera. Only views of several captures are compared; False without any.
@@ -28,18 +52,23 @@ def repeated(views: Sequence[ViewEvidence], bias: Float | None, limit: float, st
     """
     if bias is None:
         return False
-    step2 = np.broadcast_to(steps2, len(views))
     several = [
-        (_bias2(v, b) + s, _error2(v))
-        for v, b, s in zip(views, bias, step2, strict=True)
-        if v.view.captures > 1 and v.smooth.any() and (s > 0 or b[v.smooth].any())
+        _power(v, b, float(s))
+        for v, b, s in zip(views, bias, np.broadcast_to(steps2, len(views)), strict=True)
+        if v.view.captures > 1 and v.smooth.any()
     ]
-    return bool(sum(power for power, _ in several) > limit * sum(noise for _, noise in several))
+    lit, quiet = [p for p in several if p.bias2 > 0], [p.error_ratio for p in several if p.bias2 == 0]
+    if sum(p.bias2 for p in lit) > limit * sum(p.error2 for p in lit):
+        return True
+    usual = float(np.median(quiet)) if len(quiet) >= QUIET else np.inf
+    if not lit or usual > MOST_RATIO:
+        return False
+    shown = sum(p.error_ratio for p in lit) - len(lit) * usual
+    made = sum(p.bias_ratio for p in lit)
+    return made - shown > (1.0 - SHOWN) * made + SURE * robust_std(np.array(quiet)) * len(lit)
 
 
-def _bias2(view: ViewEvidence, bias: Float) -> float:
-    return float(np.mean(bias[view.smooth] ** 2))
-
-
-def _error2(view: ViewEvidence) -> float:
-    return float(np.nanmean(view.view.sigma[view.smooth] ** 2))
+def _power(view: ViewEvidence, bias: Float, step2: float) -> _Power:
+    error2, near2 = view.view.sigma[view.smooth].astype(float) ** 2, view.sigma[view.smooth].astype(float) ** 2
+    bias2 = bias[view.smooth] ** 2 + step2
+    return _Power(float(bias2.mean()), float(np.nanmean(error2)), float((bias2 / near2).mean()), float(np.nanmean(error2 / near2)))
