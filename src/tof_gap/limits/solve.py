@@ -124,6 +124,12 @@ class SelectLimits:
         low=1.0,
         why="they reduce errors of arm and lens, whose priors are known",
     )
+    lens_beside_rough: float = param(
+        100.0,
+        "chi-square of a lens against its stated calibration from which it is wrong beside an effect with an inexact map",
+        low=0.0,
+        why="a right lens beside multipath of 7 mm: 38; a focal length off by 0.9 % beside weak bounces: 650",
+    )
     share: float = param(
         0.015, "share of the visible gap's energy that an effect must explain", low=0.0, high=1.0, why="less changes 3 mm by 0.02 mm"
     )

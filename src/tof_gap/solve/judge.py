@@ -75,13 +75,19 @@ class Selector:
         return lens or self.frees_hand([member])
 
     def needed_by_calibration(self, name: str, hypothesis: Hypothesis) -> bool:
-        """Whether, without the effect `name`, the lens of every hypothesis would contradict its calibration by `gain` of chi-square."""
+        """Whether, without the effect `name`, the lens of every hypothesis would contradict its calibration.
+
+        By `gain` of chi-square; by `lens_beside_rough` beside an effect whose map is inexact, since a lens absorbs smooth errors of maps.
+        """
         always = self.design.always
         if name != Intrinsics.NAME or not len(always):
             return False
         without = replace(hypothesis, members=tuple(self.design.without(hypothesis.members, name)))
         system = self.design.system
-        return bool(self.fit(without).theta[: len(always)] ** 2 @ system.normal.info[system.poses + always] > self.config.gain)
+        effects = (self.design.candidates[m].effect for m in hypothesis.members)
+        rough = any(e is not None and e.ROUGH > 0.0 for e in effects)
+        least = max(self.config.gain, self.config.lens_beside_rough * rough)
+        return bool(self.fit(without).theta[: len(always)] ** 2 @ system.normal.info[system.poses + always] > least)
 
     def columns(self, members: Iterable[int]) -> Ints:
         """Columns of a hypothesis."""

@@ -233,13 +233,13 @@ def _along(judge: Selector, current: Hypothesis, place: int, others_at: Sequence
 def _rough(judge: Selector, current: Hypothesis, place: int, lost: Float) -> float:
     """Chi-square that errors of the other members' maps may leave; infinite for hand-eye beside motion, which shifts edges.
 
-    Maps leave residuals; hand-eye and a lens beside its calibration hardly explain residuals, but errors against priors.
+    Maps leave residuals; hand-eye hardly explains residuals, but errors of the arm against its prior.
     """
     effects = [judge.design.candidates[m].effect for m in current.members]
     member = current.members[place]
     if judge.frees_hand([member]) and any(e is not None and e.SMEARS for e in effects):
         return np.inf
-    if judge.against_priors(member):
+    if judge.frees_hand([member]):
         return 0.0
     return max((e.ROUGH * lost[i] for i, e in enumerate(effects) if e is not None and i != place), default=0.0)
 

@@ -164,19 +164,22 @@ def test_a_selection_tells_ties_of_effects_and_observables_by_what_is_lost(monke
     assert (nothing.ties, nothing.unknown) == ((), ())
 
 
-@pytest.mark.parametrize(("off", "always", "name", "needed"), [
-    (2.0, (8, 9), "intrinsics", True),  # two coefficients of 4 standard deviations: 32 of chi-square
-    (1.9, (8, 9), "intrinsics", False),
-    (9.0, (), "intrinsics", False),  # no calibration is stated
-    (9.0, (8, 9), "wiggling", False),
+@pytest.mark.parametrize(("off", "always", "name", "rough", "needed"), [
+    (2.0, (8, 9), "intrinsics", 0.0, True),  # two coefficients of 4 standard deviations: 32 of chi-square
+    (1.9, (8, 9), "intrinsics", 0.0, False),
+    (2.0, (8, 9), "intrinsics", 0.06, False),  # an inexact map beside it leaves as much
+    (3.6, (8, 9), "intrinsics", 0.06, True),  # 104 of chi-square
+    (9.0, (), "intrinsics", 0.0, False),  # no calibration is stated
+    (9.0, (8, 9), "wiggling", 0.0, False),
 ])  # fmt: skip
 def test_a_lens_is_needed_where_the_freed_one_would_contradict_its_calibration(
-    monkeypatch: pytest.MonkeyPatch, off: float, always: tuple[int, ...], name: str, *, needed: bool
+    monkeypatch: pytest.MonkeyPatch, off: float, always: tuple[int, ...], name: str, rough: float, *, needed: bool
 ) -> None:
     """Freed columns 8 and 9, 4 unknowns of poses before them, have a standard deviation of a half, and `off` for a coefficient without `name`."""
     info = np.concatenate([np.zeros(4), np.zeros(8), np.full(2, 4.0)])
     system = SimpleNamespace(normal=SimpleNamespace(info=info), poses=4)
-    made: Any = selector(candidate("wiggling"), candidate("intrinsics"), system=system, without=lambda members, _: list(members)[:1])
+    beside = candidate("wiggling", ROUGH=rough)
+    made: Any = selector(beside, candidate("intrinsics", ROUGH=0.0), system=system, without=lambda members, _: list(members)[:1])
     made.design.always = np.array(always, np.int64)
     monkeypatch.setattr(Selector, "score", lambda _self, members, inflate: Hypothesis(tuple(members), np.zeros(3), inflate))
     monkeypatch.setattr(Selector, "fit", lambda _self, _: SimpleNamespace(theta=np.array([off, off, 99.0])))
