@@ -88,8 +88,8 @@ def _together(solved: Float, own: Float) -> Float:
 
 
 def in_words(scene: Scene, displaced: Sequence[Displaced]) -> str:
-    """A note of the parts whose labels are rendered where they stand: `housing by 3.1 mm`; empty if there are none."""
+    """A note of the parts whose labels are rendered where they stand: `housing 3.1 mm`; empty if there are none."""
     if not displaced:
         return ""
-    parts = ", ".join(f"{part.name} by {1e3 * d.off_m(part):.1f} mm" for d in displaced for part in [scene.parts[d.deviation.part]])
-    return f"labels show parts where the diagnosis finds them, off their CAD: {parts}"
+    parts = ", ".join(f"{part.name} {1e3 * d.off_m(part):.1f} mm" for d in displaced for part in [scene.parts[d.deviation.part]])
+    return f"labels show parts where the diagnosis finds them; RMS distance of their surfaces from the CAD: {parts}"

@@ -224,6 +224,12 @@ def test_bow_is_zero_at_the_centre_and_full_at_half_size() -> None:
     assert np.abs(columns).max() > 0.5
 
 
+def test_a_displaced_part_is_stated_by_its_displacement_turn_and_bow() -> None:
+    values = (0.0045, 0.0, 0.0045, 0.0, np.radians(0.5), 0.0, 0.0, -0.0021, 0.0)
+    assert CadDeviation(values=values).stated == "displaced by 6.4 mm, turned by 0.5 degrees, bent by 2.1 mm"
+    assert CadDeviation(values=(0.0003, 0, 0, 0, 0.001, 0, 0, 0, 0)).stated == ""
+
+
 def test_subsurface_delays_its_part_and_goes_with_incidence() -> None:
     frame = plane_frame()
     bias = Subsurface(delay_m=0.003, aslant_m=-0.001, part=0).bias(frame) * frame.length

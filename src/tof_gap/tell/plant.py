@@ -109,10 +109,17 @@ def _words(name: str, effects: Sequence[Effect], size: str, maps: Sequence[Float
         name,
         kind.MEANING,
         "" if maps is None else where(d, maps, scene),
-        ", and ".join(filter(None, dict.fromkeys(e.stated_in(course) for e in effects[:MOST_PARTS]))) or size,
+        ", and ".join(filter(None, dict.fromkeys(_stated(e, course, scene, alone=len(effects) == 1) for e in effects[:MOST_PARTS])))
+        or size,
         kind.remedy,
         "" if maps is None else cost(d, maps),
     )
+
+
+def _stated(effect: Effect, course: Course, scene: Scene, *, alone: bool) -> str:
+    """The effect's size in its own units, with its part where several are meant; empty where millimetres of depth are enough."""
+    text, part = effect.stated_in(course), getattr(effect, "part", None)
+    return text if alone or not text or part is None else f"{scene.parts[part].name} {text}"
 
 
 def _of_finding(found: Finding, words: Words, scene: Scene) -> Words:

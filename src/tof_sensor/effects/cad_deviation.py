@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from tof_sensor.session import Session
 
 RIGID, BOW = 6, 3
+STATED_MM, STATED_DEG = 0.5, 0.1
+"""Least displacement or bow, and least turn, that a text states: a healthy camera's errors are as large."""
 FACE = 0.25
 """Longest edge of a bent part's faces in half-sizes: between their corners a bow is then exact to a 64th."""
 COEFFICIENT_SD = np.repeat([0.02, 0.1, 0.02], 3)
@@ -56,6 +58,19 @@ class CadDeviation(FieldEffect):
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
     half_size_m: float = param(0.1, "half of the part's largest side", unit="m", low=1e-4)
+
+    @property
+    def stated(self) -> str:
+        """Displacement of the part's middle, turn about it, and bow, as far as the views show them; without what is too small to be read."""
+        values = np.asarray(self.values, float)
+        moved_mm, bent_mm = 1e3 * float(np.linalg.norm(values[:3])), 1e3 * float(np.abs(values[RIGID:]).max())
+        turned_deg = float(np.degrees(np.linalg.norm(values[3:RIGID])))
+        says = [
+            f"displaced by {moved_mm:.1f} mm" if moved_mm >= STATED_MM else "",
+            f"turned by {turned_deg:.1f} degrees" if turned_deg >= STATED_DEG else "",
+            f"bent by {bent_mm:.1f} mm" if bent_mm >= STATED_MM else "",
+        ]
+        return ", ".join(filter(None, says))
 
     @property
     def needs_scene(self) -> bool:
