@@ -35,6 +35,9 @@ AMONG = 0.5
 """Share of the pixels of a cluster of one view beside or among those of a standing object, from which the cluster is noise of that object."""
 INSIDE = 0.3
 """Least share of inner pixels of an object measured by one view: an arm has two thirds; mixed pixels along edges have at most a fifth."""
+ONE_PART, WHOLE_PART = 0.95, 0.8
+"""Least share of what one view measures before the CAD on one part, and of that part's pixels, from which it is the part itself: an object
+before a part overlaps others, too."""
 SIDE = 0.5
 """Largest distance of a side measured by one view from the object measured by several views, as a share of the object's diagonal."""
 
@@ -123,7 +126,10 @@ def foreign_objects(views: Sequence[Seen], before: Sequence[Mask], measured: Seq
         least = max(limits.object_px, limits.moving_share * seen.depth.size)
         large = (mine for mine in _clusters(cloud.points, alone, voxel) if len(mine) * cloud.step[number] >= least)
         standing_out = (mine for mine in large if _stands_out(clearance[mine], limits.stands_out_mm) and not _wrapped(cloud.jump[mine]))
-        single.extend(mine for mine in standing_out if _inside(_pixels(cloud, mine, number, before[number])) >= INSIDE)
+        for mine in standing_out:
+            seen_px = _pixels(cloud, mine, number, before[number])
+            if _inside(seen_px) >= INSIDE and not _is_a_part(seen, seen_px):
+                single.append(mine)
     joined, single = _joined(cloud, standing, single, 2 * voxel, limits.rim_px)
     objects = [_object(cloud, mine, clearance, _views(cloud, mine, limits.object_view_px), moves=False) for mine in joined if no_bias(mine)]
     for mine in filter(no_bias, single):
@@ -233,6 +239,13 @@ def _pixels(cloud: _Cloud, mine: Ints, number: int, before: Mask) -> Mask:
 def _inside(object_px: Mask) -> float:
     """Share of the pixels of a mask (H, W) whose eight neighbours are in the mask, too."""
     return float(ndimage.binary_erosion(object_px, EIGHT).sum() / max(object_px.sum(), 1))
+
+
+def _is_a_part(seen: Seen, object_px: Mask) -> bool:
+    """Whether the pixels of a mask (H, W) are those of one part, all that the view sees of it: a part that is near and bright may be off."""
+    part, count = np.unique(seen.part[object_px], return_counts=True)
+    most = int(np.argmax(count))
+    return bool(count[most] > ONE_PART * count.sum() and count[most] > WHOLE_PART * np.count_nonzero(seen.part == part[most]))
 
 
 def _wrapped(jump: Float) -> bool:

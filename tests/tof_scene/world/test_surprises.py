@@ -187,6 +187,18 @@ def test_what_one_view_measures_before_the_cad_and_is_no_object(
     assert (found.pixels[2][inside] == BEFORE).mean() > 0.95
 
 
+@pytest.mark.parametrize(("of_block", "objects"), [(1.0, 0), (0.6, 1)])
+def test_a_part_that_one_view_alone_measures_too_near_is_no_object(of_block: float, objects: int) -> None:
+    """As a near, bright part may be: a whole chest, 60 mm too near. Something before a piece of it is an object."""
+    cad = scene(PLATE, Part("chest", *box((0.3, 0.3, 0.15), (0.0, 0.0, 0.075))))
+    seen = views(cad, cad)
+    rows, columns = np.nonzero(seen[2].part == 1)
+    nearer = columns <= np.quantile(columns, of_block)
+    assert nearer.sum() > 400
+    seen[2].depth[rows[nearer], columns[nearer]] -= 0.06
+    assert len(find_surprises(seen, cad, LIMITS).foreign) == objects
+
+
 @pytest.mark.parametrize(("parts", "code"), [((PLATE, BLOCK, CRATE), BEFORE), ((PLATE,), BEHIND)])
 def test_one_view_alone_is_judged_by_itself(parts: tuple[Part, ...], code: int) -> None:
     real, cad = scene(*parts), scene(PLATE, BLOCK)
