@@ -45,7 +45,7 @@ def test_rays_meet_the_part_where_it_stands() -> None:
 def test_a_part_is_off_by_its_motion_along_the_normal_over_its_whole_surface() -> None:
     """Of the six equal faces of a cube, two move along their normals."""
     assert Displaced(NEARER, 1.0).off_m(SCENE.parts[1]) == pytest.approx(0.006 / np.sqrt(3))
-    assert in_words(SCENE, [Displaced(NEARER, 1.0)]).endswith(": block by 3.5 mm")
+    assert in_words(SCENE, [Displaced(NEARER, 1.0)]).endswith(": block 3.5 mm")
     assert in_words(SCENE, []) == ""
 
 

@@ -1,11 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers that decide whether another camera's light lies in the views, and whether its fringes show where the lamp stands."""
+"""Numbers that decide whether another camera's light lies in the views, as stripes or as a bias, and whether its fringes show where the lamp stands."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from tof_core.config import param
+
+
+@dataclass(frozen=True, slots=True)
+class BeatLimits:
+    """When stripes of another light source cross some of the views."""
+
+    rows: int = param(43, "rows of cells that are averaged", low=5, high=999, why="two per period of the finest wave")
+    turns: float = param(3.5, "least number of periods over the image height", low=0.0, why="fewer look like slopes of other effects")
+    band: float = param(1.5, "periods to either side that belong to the stripes", low=0.0, why="a beat's envelope widens its spectrum")
+    chi2: float = param(25.0, "chi-square (2 degrees of freedom) of a view with stripes", low=0.0, why="chance: 4 in a million")
+    share: float = param(
+        0.03, "the same, over that of the strongest view", low=0.0, high=1.0, why="a weak pattern of all views is no stripe"
+    )
+    phase: float = param(
+        5.0, "Rayleigh's n R^2 from which the views share one phase", low=0.0, why="0.7 % by chance; a fixed pattern has n"
+    )
+    stands_out: float = param(
+        8.0, "energy of the best wave over the median wave's", low=1.0, why="noise of rows contains all waves equally"
+    )
+    views: int = param(3, "views with stripes", low=1, why="one or two may be another kind of scene")
+    cells: int = param(100, "cells of a view", low=20, why="the smooth field has ten terms")
+    cosine: float = param(0.1, "least cosine of incidence", low=1e-3, high=1.0, why="grazing surfaces would outweigh all")
+    ridge: float = param(1e-3, "ridge of the fitted waves, of the mean diagonal", low=0.0, why="neighbouring waves are nearly alike")
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tof_core.arrays import Float, Mask
-    from tof_gap.limits.seen import BeatLimits
+    from tof_gap.limits.foreign import BeatLimits
     from tof_gap.seen.residual import ViewEvidence
 
 TURNS = np.arange(2.5, 20.1, 0.5)
