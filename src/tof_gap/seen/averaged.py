@@ -10,38 +10,44 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Mask
     from tof_scene.rendering import Rendering
 
-STEP_M = 0.01
-"""Metres by which the mean of two opposite neighbours may differ from the pixel's range: filters stop at steps of one to a few centimetres."""
+AVERAGED_M, STEP_M = 0.005, 0.05
+"""Metres by which two opposite neighbours together may differ from twice the pixel's range where any filter averages over them, and from
+which none does: filters stop at steps of some millimetres to a few centimetres."""
 
 
-def averaging_error(rendering: Rendering, ray_length: Float, window_px: int) -> Float:
-    """(H, W) metres of z that an average over `window_px` x `window_px` pixels of one part adds to the depth of its CAD.
+def averaging_error(rendering: Rendering, ray_length: Float, window_px: int) -> tuple[Float, Mask]:
+    """What an average over `window_px` x `window_px` pixels of one part adds to the depth of its CAD.
 
-    It is too long on convex surfaces and too short in concave ones: by half of the curvature times the mean square distance to the
+    Depth is too long on convex surfaces and too short in concave ones: by half of the curvature times the mean square distance to the
     centre, for a window of any form. Neighbours are taken in pairs opposite each other, so that a slope adds nothing at the rim of a part;
-    pairs across a step are left out. 0 where nothing was rendered.
+    pairs across a step are left out.
 
     Args:
         rendering: the CAD.
         ray_length: (H, W) range along the ray over z.
         window_px: width of the window (`NoiseCorrelation.window_px`).
+
+    Returns:
+        (H, W) metres of z, 0 where nothing was rendered; and (H, W) the pixels beside creases and small steps of their part, of which it
+        is not known whether the filter averages over them.
     """
     along = rendering.depth * ray_length
     height, width = along.shape
-    total, weights = np.zeros(along.shape), np.ones(along.shape)
+    total, weights, doubtful = np.zeros(along.shape), np.ones(along.shape), np.zeros(along.shape, np.bool_)
     for down, right, weight in _pairs(window_px):
         reach = abs(right)
         inside = np.s_[down : height - down, reach : width - reach]
         ahead, behind = (np.s_[down + s * down : height - down + s * down, reach + s * right : width - reach + s * right] for s in (1, -1))
         bend = along[ahead] + along[behind] - 2.0 * along[inside]
         alike = (rendering.part[ahead] == rendering.part[inside]) & (rendering.part[behind] == rendering.part[inside])
-        taken = alike & (np.abs(bend) < 2.0 * STEP_M)  # false where one is not rendered
+        taken = alike & (np.abs(bend) < AVERAGED_M)  # false where one is not rendered
+        doubtful[inside] |= alike & (np.abs(bend) >= AVERAGED_M) & (np.abs(bend) < STEP_M)
         total[inside] += np.where(taken, weight * bend, 0.0)
         weights[inside] += 2.0 * weight * taken
-    return np.asarray(total / weights / ray_length)
+    return np.asarray(total / weights / ray_length), doubtful
 
 
 def _pairs(window_px: int) -> Iterator[tuple[int, int, float]]:

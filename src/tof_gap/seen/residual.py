@@ -199,9 +199,10 @@ def _correlated(view: ViewEvidence, wider_px: int, correlation: NoiseCorrelation
     """
     blur_px = smear(view.frame, view.limits.blur)
     reached = excluded(view.frame, view.limits, wider_px, blur_px) if blur_px else view.edge  # A moving view's edges include streaks.
-    bent = averaging_error(view.rendering, view.frame.length, correlation.window_px)
+    bent, beside_creases = averaging_error(view.rendering, view.frame.length, correlation.window_px)
     residual = view.residual.astype(np.float64) - bent
     sigma, smooth, edge, gross = _sorted_out(residual, view.frame, reached, blur_px, view.limits, view.step_m, correlation)
+    smooth &= ~beside_creases
     return replace(view, residual=single(residual), sigma=single(sigma), smooth=smooth, edge=edge, gross=gross, correlation=correlation)
 
 
