@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 from benchmarks import table
 from benchmarks.figure import Figure
+from tof_core.cores import one_thread
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -91,6 +92,7 @@ def main(arguments: list[str] | None = None) -> int:
     if unknown := [name for name in options.only or [] if name not in known]:
         print(f"benchmarks: no bench named {', '.join(unknown)}; there are {', '.join(known) or 'none'}", file=sys.stderr)
         return 2
+    one_thread()  # As the commands and nodes do, before a bench imports NumPy: its threads wait for each other on small matrices.
     results = run(options.only or names(long=options.long), quiet=options.json)
     figures = [figure for found in results.values() for figure in found]
     if options.json:
