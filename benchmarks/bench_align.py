@@ -12,7 +12,7 @@ import numpy as np
 import trimesh
 
 from benchmarks.figure import Figure, at_least, at_most
-from benchmarks.icp_rivals import LIBRARIES
+from benchmarks.icp_rivals import LIBRARIES, pose_of
 from benchmarks.recorded import Recorded, recorded, recorded_in
 from tof_align.causal import SessionAligner
 from tof_align.config import AlignConfig
@@ -220,10 +220,8 @@ def _against_small_gicp(session: Recorded, views: Sequence[View], busy_ms: Seque
     vertices, faces, _ = session.scene.triangles()
     align, peer = LIBRARIES["small_gicp"](vertices, faces), []
     for view in views:
-        assert view.robot is not None
-        points = view.camera.points(view.depth).reshape(-1, 3).astype(float)
         before = time.process_time()
-        align(points[np.isfinite(points[:, 2])], view.robot.T_cell_camera)
+        pose_of(view, align)
         peer.append(1e3 * (time.process_time() - before))
     return at_most(
         "causal pose of a live 400x300 view over small_gicp's point-to-plane ICP of the same view, processor time, median",

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tof_core.arrays import Float
+    from tof_core.capture import View
 
     Align = Callable[[Float, Float], Float]
 
@@ -76,6 +77,13 @@ def small_gicp(vertices: Float, faces: Any) -> Align:
 LIBRARIES: dict[str, Callable[[Float, Any], Align]] = {"open3d": open3d, "small_gicp": small_gicp}
 
 
+def pose_of(view: View, align: Align) -> Float:
+    """The pose (4, 4) of a view by ICP from where TF says it is, of all its pixels with a depth."""
+    assert view.robot is not None
+    points = view.camera.points(view.depth).reshape(-1, 3).astype(float)
+    return align(points[np.isfinite(points[:, 2])], view.robot.T_cell_camera)
+
+
 def main(bag: str, scene_name: str, library: str) -> None:
     """Filtered views and the libraries' import do not count; sampling the CAD does."""
     __import__(library)
@@ -83,13 +91,9 @@ def main(bag: str, scene_name: str, library: str) -> None:
     with open_bag(bag, cell_frame=scene.frame) as reader:
         views = list(ViewStream(reader, PipelineConfig()))
     vertices, faces, _ = scene.triangles()
-    poses = []
     started = time.process_time()
     align = LIBRARIES[library](vertices, faces)
-    for view in views:
-        assert view.robot is not None
-        points = view.camera.points(view.depth).reshape(-1, 3).astype(float)
-        poses.append(align(points[np.isfinite(points[:, 2])], view.robot.T_cell_camera))
+    poses = [pose_of(view, align) for view in views]
     seconds = time.process_time() - started
     print(json.dumps({"seconds": seconds, "stamps": [v.stamp_ns for v in views], "poses": [np.asarray(T).tolist() for T in poses]}))
 

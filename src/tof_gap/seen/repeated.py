@@ -64,8 +64,7 @@ def repeated(views: Sequence[ViewEvidence], bias: Float | None, limit: float, st
     if not lit or usual > MOST_RATIO:
         return False
     shown = sum(p.error_ratio for p in lit) - len(lit) * usual
-    made = sum(p.bias_ratio for p in lit)
-    return made - shown > (1.0 - SHOWN) * made + SURE * robust_std(np.array(quiet)) * len(lit)
+    return shown + SURE * robust_std(np.array(quiet)) * len(lit) < SHOWN * sum(p.bias_ratio for p in lit)
 
 
 def _power(view: ViewEvidence, bias: Float, step2: float) -> _Power:
