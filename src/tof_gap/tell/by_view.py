@@ -13,10 +13,11 @@ from tof_gap.seen.noise import lines_found
 from tof_gap.seen.residual import less
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.noise import Noise
+from tof_sensor.geometry import pose_columns
 from tof_sensor.registry import EFFECTS
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from tof_core.arrays import Float
     from tof_gap.limits.report import UnexplainedLimits
@@ -38,11 +39,9 @@ def uneven(found: Account, limit: UnexplainedLimits, noise: NoiseLimits) -> str 
     bare = _less_lamps(found)
     of_lines = any(isinstance(f.effect, Noise) and f.common is not None for f in found.findings)
     lines = [(of.axis, line_noise_by_view(bare, of.axis, noise.lines)) for of in (lines_found(bare, noise) if of_lines else [])]
-    beyond = {
-        name: spread(bare, maps, limit, lines) / EFFECTS[name].UNEVEN
-        for name, maps in found.solved.maps.items()
-        if not EFFECTS[name].SMEARS
-    }
+    smooth = {name: maps for name, maps in found.solved.maps.items() if not EFFECTS[name].SMEARS}
+    arms = [pose_columns(v.frame) * sd for v, sd in zip(bare, found.solved.arms_sd, strict=True)]
+    beyond = {name: spread(bare, maps, limit, lines, besides(name, smooth, arms)) / EFFECTS[name].UNEVEN for name, maps in smooth.items()}
     worst = max(beyond, key=beyond.__getitem__, default=None)
     return worst if worst is not None and beyond[worst] > 1.0 else None
 
@@ -56,7 +55,22 @@ def _less_lamps(found: Account) -> Sequence[ViewEvidence]:
     return less(found.solved.bare, fringes)
 
 
-def spread(bare: Sequence[ViewEvidence], maps: Sequence[Float], limit: UnexplainedLimits, lines: Sequence[Lines] = ()) -> float:
+def besides(name: str, maps: Mapping[str, Sequence[Float]], arms: Sequence[Float]) -> list[Float]:
+    """Per view, (H, W, k) metres of z, one standard deviation each of what may be there besides one effect: the other effects and the arm.
+
+    The arm takes what differs from view to view and is alike over a view, and with it the mean of an effect; the others' sizes vary, too.
+    """
+    others = [(EFFECTS[other].UNEVEN, of) for other, of in maps.items() if other != name]
+    return [np.concatenate([arm, *(share * of[k][..., None] for share, of in others)], axis=-1) for k, arm in enumerate(arms)]
+
+
+def spread(
+    bare: Sequence[ViewEvidence],
+    maps: Sequence[Float],
+    limit: UnexplainedLimits,
+    lines: Sequence[Lines] = (),
+    besides: Sequence[Float] | None = None,
+) -> float:
     """Standard deviation over the views of an effect's size, over its mean: the part beyond noise, as a lower confidence bound.
 
     Views are weighted by their information about the size. 0 where fewer than `limit.uneven_views` determine it, or noise explains all.
@@ -66,8 +80,10 @@ def spread(bare: Sequence[ViewEvidence], maps: Sequence[Float], limit: Unexplain
         maps: (H, W) metres of z per view that the effect adds.
         limit: how many views are needed, and how sure the least value is.
         lines: noise of whole rows and columns, which many pixels of the map share.
+        besides: per view, (H, W, k) metres of z, one standard deviation each of what may be there besides; None: nothing.
     """
-    known = [_size(v, m, [(axis, float(of[k])) for axis, of in lines]) for k, (v, m) in enumerate(zip(bare, maps, strict=True))]
+    beside = besides or [np.zeros((*m.shape, 0)) for m in maps]
+    known = [_size(v, m, [(axis, float(of[k])) for axis, of in lines], beside[k]) for k, (v, m) in enumerate(zip(bare, maps, strict=True))]
     size, information, noise = (np.array([k[i] for k in known]) for i in range(3))
     whole = float(information.sum())
     if not whole > 0.0:
@@ -82,16 +98,23 @@ def spread(bare: Sequence[ViewEvidence], maps: Sequence[Float], limit: Unexplain
     return float(np.sqrt(max(least - float(noise.sum()) / whole, 0.0)) / max(abs(mean), 1e-12))
 
 
-def _size(view: ViewEvidence, effect: Float, lines: Sequence[tuple[int, float]]) -> tuple[float, float, float]:
-    """One view's size of an effect, relative to the solution's; the inverse variance of this size for unit noise; the variance of the noise."""
+def _size(view: ViewEvidence, effect: Float, lines: Sequence[tuple[int, float]], beside: Float) -> tuple[float, float, float]:
+    """One view's size of an effect, relative to the solution's; the inverse variance of this size for unit noise; the variance of the noise.
+
+    What may be there besides (H, W, k) is estimated with it, from a prior of one standard deviation.
+    """
     seen = view.smooth & np.isfinite(effect)
-    column, left = effect[seen] / view.sigma[seen], view.residual[seen] / view.sigma[seen]
-    information = float(column @ column)
-    if not information > 0.0:
+    left = view.residual[seen] / view.sigma[seen]
+    columns = np.column_stack([effect[seen], np.nan_to_num(beside[seen])]) / view.sigma[seen, None]
+    if not float(columns[:, 0] @ columns[:, 0]) > 0.0:
         return 0.0, 0.0, 0.0
     variance = view.correlation.area * max(1.0, float(left @ left) / len(left))
+    prior = variance * np.diag([0.0, *np.ones(beside.shape[-1])])
+    of_size = np.linalg.inv(columns.T @ columns + prior)[0]
+    lever = columns @ of_size  # What one unit of each pixel's error adds to the size.
+    information = 1.0 / float(of_size[0])
     for axis, metres in lines:
-        # What one metre of each line would add to the size, in units of 1 / information.
-        lever = np.where(seen, np.nan_to_num(effect) / (view.sigma**2 * view.frame.length), 0.0).sum(axis=axis)
-        variance += view.correlation.line * metres**2 * float(lever @ lever) / information
-    return 1.0 + float(column @ left) / information, information, variance
+        of_line = np.zeros(effect.shape)
+        of_line[seen] = lever / (view.sigma[seen] * view.frame.length[seen])
+        variance += information * view.correlation.line * metres**2 * float(np.sum(of_line.sum(axis=axis) ** 2))
+    return 1.0 + float(lever @ left), information, variance
