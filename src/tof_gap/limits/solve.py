@@ -22,6 +22,7 @@ class GateLimits:
     least_mm: float = param(
         4.0, "least median residual with depth read as z", unit="mm", low=0.0, why="the wrong reading is off by tens of mm at the corners"
     )
+    views: int = param(8, "most views that are read as distances along the ray too", low=1, why="the corners of a single view tell most")
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from tof_core.camera import radial_to_z
 from tof_core.flat.wide_plane import wide_bend
 from tof_gap.seen.finding import Finding
 from tof_gap.seen.residual import with_codes
-from tof_gap.solve.start import Start, observe, start
+from tof_gap.solve.start import Start, start
 from tof_sensor.effects.radial_depth import RadialDepth
 
 if TYPE_CHECKING:
@@ -36,9 +36,9 @@ def gate(
 ) -> tuple[Start, Finding | None]:
     """The views as z, brought to the CAD, and `radial_depth` where they were not z.
 
-    Both readings are registered to the CAD with the robot's priors; the one with the smaller median residual is believed. The poses of
-    few views adapt to either reading; then wide planes in the views decide, which appear bent if distances are read as z. Unless
-    `asked`, depth is z.
+    Views spread over the session are registered to the CAD as distances, too; the reading with the smaller median residual is believed.
+    The poses of few views adapt to either reading; then wide planes in the views decide, which appear bent if distances are read as z.
+    Unless `asked`, depth is z.
     """
     views = with_codes(views, config.evidence.level)
     begun = start(views, caster, config, align)
@@ -47,15 +47,23 @@ def gate(
     as_z = median_miss(begun.evidence)
     if as_z < config.solve.gate.least_mm * 1e-3:
         return begun, None
-    converted = [replace(v, depth=radial_to_z(v.camera, v.depth)) for v in views]
-    begun.hand_over()  # Frees the images of one reading before those of the other are made; if believed, they are made again.
+    some = np.unique(np.linspace(0, len(views) - 1, config.solve.gate.views).round().astype(int))
+    tried = start([_from_distances(views[k]) for k in some], caster, config, align)
+    better = median_miss(tried.evidence) <= config.solve.gate.better * median_miss([begun.evidence[k] for k in some])
+    if not better and not all(_bends(v) for v in views):
+        return begun, None
+    begun.hand_over()  # Frees the images of one reading before those of the other are made.
+    tried.hand_over()
+    converted = [_from_distances(v) for v in views]
     other = start(converted, caster, config, align)
-    if median_miss(other.evidence) > config.solve.gate.better * as_z and not all(_bends(v) for v in views):
-        other.hand_over()
-        return Start(views, begun.chain, observe(views, caster, begun.chain, config, footprints=False)), None
     share = np.stack([(v.depth - c.depth).astype(np.float64) for v, c in zip(views, converted, strict=True)])
     note = "the depth image holds distance along the ray"
     return other, Finding(RadialDepth(share=1.0), 1.0, share=share, corrects=True, note=note)
+
+
+def _from_distances(view: View) -> View:
+    """The view whose image holds distances along the ray, as z."""
+    return replace(view, depth=radial_to_z(view.camera, view.depth))
 
 
 def _bends(view: View) -> bool:

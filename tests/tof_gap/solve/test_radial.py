@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.capture import View
-    from tof_gap.seen.residual import ViewEvidence
 
 CONFIG, ALIGN = GapConfig(), AlignConfig()
 
@@ -37,12 +36,13 @@ def recorded(*, along_ray: bool) -> list[View]:
 @pytest.fixture(autouse=True)
 def poses_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
     """First poses are the true ones, so that the gate alone is tested."""
+    place = {v.view.stamp_ns: 0.05 * k for k, v in enumerate(views(np.random.default_rng(1)))}
 
-    def observe(seen: Sequence[View], *_: Any, **__: Any) -> tuple[ViewEvidence, ...]:
-        return gather(list(seen), [rendering(0.05 * k) for k in range(len(seen))], None, EvidenceLimits(edge_px=0))  # type: ignore[arg-type]
+    def start(seen: Sequence[View], *_: Any) -> Start:
+        renderings = [rendering(place[v.stamp_ns]) for v in seen]
+        return Start(list(seen), chain(), gather(list(seen), renderings, None, EvidenceLimits(edge_px=0)))  # type: ignore[arg-type]
 
-    monkeypatch.setattr(radial, "observe", observe)
-    monkeypatch.setattr(radial, "start", lambda seen, *_: Start(list(seen), chain(), observe(seen)))
+    monkeypatch.setattr(radial, "start", start)
 
 
 def test_depth_is_left_as_it_is() -> None:
