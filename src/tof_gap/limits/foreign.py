@@ -79,6 +79,32 @@ class ForeignLightLimits:
 
 
 @dataclass(frozen=True, slots=True)
+class RepeatedLimits:
+    """When the captures of a dwell show the same bias, so that it is no light of another clock."""
+
+    ratio: float = param(
+        2.0,
+        "variance of the bias over the squared standard error of the mean of a dwell",
+        low=1.0,
+        why="1 with a new phase in each capture, and two captures may be alike; a supply that sags with the scene had 5 and 150",
+    )
+    views: int = param(3, "views without the bias that tell how captures differ without the light", low=1, why="a median of three")
+    without: float = param(
+        1.3,
+        "ratio of the squared errors by captures and by neighbours in these views",
+        low=1.0,
+        why="noise alone has 1; beyond, others act",
+    )
+    share: float = param(
+        0.5,
+        "share of the bias's variance by which captures differ more than in these views",
+        low=0.0,
+        why="light that is new in each has 1",
+    )
+    sigma: float = param(3.0, "standard deviations of that ratio from view to view", low=0.0, why="chance: 1 in 370")
+
+
+@dataclass(frozen=True, slots=True)
 class ForeignLampLimits:
     """When fringes show where another camera's lamp stands."""
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from tof_core.config import param, section
-from tof_gap.limits.foreign import BeatLimits, ForeignLampLimits, ForeignLightLimits, LitLimits
+from tof_gap.limits.foreign import BeatLimits, ForeignLampLimits, ForeignLightLimits, LitLimits, RepeatedLimits
 from tof_scene.world.limits import WorldLimits
 
 
@@ -250,12 +250,6 @@ class NoiseLimits:
         high=1.0,
         why="a session in three hundred; three sessions with automatic exposure have 6e-5 at most",
     )
-    repeated: float = param(
-        2.0,
-        "variance of a bias by another light over the squared standard error of the mean of a dwell",
-        low=1.0,
-        why="1 with a new phase in each capture, and two captures may be alike; a supply that sags with the scene had 5 and 150",
-    )
     line_mm: float = param(
         0.3, "noise of whole rows or columns", unit="mm", low=0.0, why="51 emerging cameras without it show 0.27 mm at most"
     )
@@ -274,6 +268,7 @@ class NoiseLimits:
     lines: LineLimits = section(LineLimits, "rows and columns")
     foreign_light: ForeignLightLimits = section(ForeignLightLimits, "another camera's light")
     foreign_lamp: ForeignLampLimits = section(ForeignLampLimits, "another camera's lamp")
+    repeated: RepeatedLimits = section(RepeatedLimits, "captures of a dwell with the same bias")
     lit: LitLimits = section(LitLimits, "places under foreign light")
     pixels: PixelLimits = section(PixelLimits, "single pixels")
     beat: BeatLimits = section(BeatLimits, "stripes")

@@ -14,17 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Float
+    from tof_gap.limits.foreign import RepeatedLimits
     from tof_gap.seen.residual import ViewEvidence
-
-
-QUIET = 3
-"""Views without the bias from which the ratio of both noises is known."""
-SHOWN = 0.5
-"""Share of the bias's variance by which captures must differ more than in these views, for light that is new in each capture."""
-MOST_RATIO = 1.3
-"""Ratio of the squared errors by captures and by neighbours in these views up to which they are without the light: noise alone has 1."""
-SURE = 3.0
-"""Standard deviations of that ratio from view to view which such a difference must exceed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +28,7 @@ class _Power:
     error_ratio: float
 
 
-def repeated(views: Sequence[ViewEvidence], bias: Float | None, limit: float, steps2: Float | float = 0.0) -> bool:
+def repeated(views: Sequence[ViewEvidence], bias: Float | None, limits: RepeatedLimits, steps2: Float | float = 0.0) -> bool:
     """Whether a bias that is attributed to another light is larger than captures of one dwell differ.
 
     A light of another clock has a new phase in each capture. The mean of n captures keeps 1 / n of the variance of such a bias, and n
@@ -47,7 +38,7 @@ def repeated(views: Sequence[ViewEvidence], bias: Float | None, limit: float, st
     Args:
         views: of one camera. Only views of several captures are compared; False without any.
         bias: (V, H, W) metres of z, 0 in views without the light; None where it is not known.
-        limit: of its variance over the squared standard error of the mean.
+        limits: from which it is.
         steps2: (V,) square metres, squared steps of the camera along its axis that the light makes besides.
     """
     if bias is None:
@@ -58,13 +49,13 @@ def repeated(views: Sequence[ViewEvidence], bias: Float | None, limit: float, st
         if v.view.captures > 1 and v.smooth.any()
     ]
     lit, quiet = [p for p in several if p.bias2 > 0], [p.error_ratio for p in several if p.bias2 == 0]
-    if sum(p.bias2 for p in lit) > limit * sum(p.error2 for p in lit):
+    if sum(p.bias2 for p in lit) > limits.ratio * sum(p.error2 for p in lit):
         return True
-    usual = float(np.median(quiet)) if len(quiet) >= QUIET else np.inf
-    if not lit or usual > MOST_RATIO:
+    usual = float(np.median(quiet)) if len(quiet) >= limits.views else np.inf
+    if not lit or usual > limits.without:
         return False
     shown = sum(p.error_ratio for p in lit) - len(lit) * usual
-    return shown + SURE * robust_std(np.array(quiet)) * len(lit) < SHOWN * sum(p.bias_ratio for p in lit)
+    return shown + limits.sigma * robust_std(np.array(quiet)) * len(lit) < limits.share * sum(p.bias_ratio for p in lit)
 
 
 def _power(view: ViewEvidence, bias: Float, step2: float) -> _Power:
