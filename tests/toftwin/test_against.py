@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from tests.toftwin.once import once
 from tof_core.camera import Camera
 from tof_core.config import from_mapping
 from tof_core.errors import UsageError
@@ -16,6 +17,7 @@ from tof_scene.raycast import Raycaster
 from tof_scene.scene_file import load_scene
 from tof_virtual.config import VirtualConfig
 from tof_virtual.record import record
+from toftwin import against
 from toftwin.against import diagnose_simulated
 from toftwin.cli import main
 from toftwin.commands.simulate import bodies_of
@@ -27,7 +29,8 @@ if TYPE_CHECKING:
 SMALL = {"camera.width": 112, "camera.height": 86, "plan.views": 6}
 
 
-def test_what_the_simulator_lacks_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_the_simulator_lacks_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(against, "diagnose_simulated", once(against.diagnose_simulated))
     scene = write_builtin("body_section", tmp_path / "scene")
     for name, seed, effects in (("real", 5, {"wiggling": 1.0}), ("simulated", 6, {})):
         record(bodies_of(load_scene(scene)), tmp_path / name, from_mapping(VirtualConfig, SMALL | {"seed": seed}), effects=effects)

@@ -4,10 +4,11 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.toftwin.once import once
 from tof_core.errors import UsageError
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.model import SensorModel
@@ -16,7 +17,6 @@ from toftwin.cli import main
 from toftwin.retraining import RetrainConfig, retrain
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from pathlib import Path
 
 SMALL = ["retrain.views=18", "retrain.train.net.base=8", "retrain.train.net.levels=3", "retrain.train.epochs=8", "retrain.train.threads=1"]
@@ -36,18 +36,6 @@ def session(folder: Path, effects: dict[str, float]) -> list[str]:
     record(bodies_of(load_scene(scene)), folder / "bag", config, effects=effects)
     settings = [word for s in SMALL for word in ("--set", s)]
     return ["gap", str(folder / "bag"), "--scene", str(scene), "--out", str(folder / "gap"), "--retrain", *settings]
-
-
-def once(work: Callable[..., Any]) -> Callable[..., Any]:
-    """The function, computed at the first call only: both calls of a test diagnose the same bag."""
-    made: list[Any] = []
-
-    def remembered(*args: Any, **how: Any) -> Any:
-        if not made:
-            made.append(work(*args, **how))
-        return made[0]
-
-    return remembered
 
 
 @pytest.mark.slow
