@@ -91,7 +91,7 @@ def foreign_lamp(views: Sequence[ViewEvidence], caster: Raycaster, limits: Forei
     if chi2_of(cells) <= limits.chi2 * sum(len(c.error) for c in cells if c is not None):
         return None
     found = _standing_out(cells, caster, limits.share, limits)
-    if found is None or _standing_out(beside_loudest_part(beside_common(cells)), caster, limits.common_share, limits) is None:
+    if found is None or not _stands_beside_common(found, beside_loudest_part(beside_common(cells)), caster, limits):
         return None
     hit = found.gains > max(limits.view_chi2, limits.view_share * found.gains.max())
     if hit.sum() < limits.views:
@@ -101,6 +101,13 @@ def foreign_lamp(views: Sequence[ViewEvidence], caster: Raycaster, limits: Forei
         for v, c, h in zip(views, cells, hit, strict=True)
     ]
     return ForeignLamp(found.at_m, found.on_hand, found.mhz, found.best / chi2_of(cells), hit, np.stack(fields))
+
+
+def _stands_beside_common(found: _Search, cells: Sequence[Cells | None], caster: Raycaster, limits: ForeignLampLimits) -> bool:
+    """Whether a place stands out in these cells, too, and the lamp found before explains enough of them: another error has no one place."""
+    gains = _gains(cells, found.at_m[None], None if found.on_hand else caster, on_hand=found.on_hand)
+    there = float(gains[:, FREQUENCIES_MHZ.index(found.mhz)].sum())
+    return there >= limits.common_share * chi2_of(cells) and _standing_out(cells, caster, limits.common_share, limits) is not None
 
 
 def _standing_out(cells: Sequence[Cells | None], caster: Raycaster, share: float, limits: ForeignLampLimits) -> _Search | None:

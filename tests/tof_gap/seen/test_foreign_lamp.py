@@ -12,6 +12,7 @@ import pytest
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_core import se3
 from tof_gap.limits.foreign import ForeignLampLimits, ForeignLightLimits
+from tof_gap.seen import foreign_lamp as room
 from tof_gap.seen.foreign_lamp import ForeignLamp, foreign_lamp, reached
 from tof_gap.seen.lamp_cells import beside_common, beside_loudest_part, beside_pose, cells_of
 from tof_scene.builtin.shapes import box
@@ -182,6 +183,17 @@ def pose_errors() -> Float:
 )
 def test_errors_that_no_lamp_makes_show_none(errors: Float) -> None:
     assert foreign_lamp(noisy(errors), NOTHING, LIMITS) is None
+
+
+@pytest.mark.parametrize(("at_m", "kept"), [(IN_CELL, True), (IN_CELL + np.array([-0.5, 2.0, 1.5]), False)], ids=["the same place", "another place"])
+def test_a_lamp_must_stand_at_the_same_place_beside_what_all_views_share(
+    monkeypatch: pytest.MonkeyPatch, at_m: Float, *, kept: bool
+) -> None:
+    """The first search finds a place of its own; the second one, beside what views share, finds the lamp."""
+    first = iter([replace(room._search([cells_of(v, LIMITS) for v in lit(np.full(VIEWS, 0.01))], at_m[None], NOTHING), median=0.0)])
+    usual = room._standing_out
+    monkeypatch.setattr(room, "_standing_out", lambda *a: next(first, None) or usual(*a))
+    assert (foreign_lamp(lit(np.full(VIEWS, 0.01)), NOTHING, LIMITS) is not None) == kept
 
 
 def test_two_views_alone_may_be_another_kind_of_scene() -> None:
