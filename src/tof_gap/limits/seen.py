@@ -231,7 +231,7 @@ class NoiseLimits:
     burst_filtered: float = param(1.4, "the same, of a camera that averages over neighbours", low=1.02, high=10.0, why="healthy: 1.21")
     burst_knots: int = param(
         5,
-        "knots of the noise's dependence on range",
+        "knots of the noise's dependence on range and on amplitude",
         low=2,
         why="noise over a pulse's gates has one or two extrema; more knots follow single views",
     )

@@ -156,13 +156,14 @@ def constant_part(fitted: LawFit, step_m: float) -> float:
 
 
 def view_ratio(b: NoiseBins, fitted: LawFit, views: int, limits: NoiseLimits, *, exposed: bool = False) -> Float:
-    """(V,) median ratio of the variance of each view's bins to the law and to the usual trends; 1 for a view without bins.
+    """(V,) median ratio of the variance of each view's bins to the law and to the usual trends over range and amplitude; 1 for a view without bins.
 
     The noise of a gated or pulsed camera depends on where in its gates the pulse arrives, and so on range as well as on amplitude.
-    Far views may therefore be noisier without a burst. So may bright ones where exposure is automatic (`exposed`).
+    Far views may therefore be noisier without a burst, and dark ones where weak signals are noisier than by the law, as where two
+    frequencies hardly merge. So may bright ones where exposure is automatic (`exposed`).
     """
     log = np.log(np.maximum(fitted.ratio(b), 1e-12))
-    columns = _over_range(b, limits.burst_knots)
+    columns = np.column_stack([_over_range(b, limits.burst_knots), _over(np.log(b.amplitude), limits.burst_knots)[:, 1:]])
     if exposed:
         columns = np.column_stack([columns, np.log(_brightest(b))])
     trend = columns @ _least_deviations(columns, log)
@@ -203,7 +204,11 @@ def _brightest(b: NoiseBins) -> Float:
 
 def _over_range(b: NoiseBins, knots: int) -> Float:
     """(n, knots) piecewise linear functions of ln range."""
-    x = 0.5 * np.log(b.range2)
+    return _over(0.5 * np.log(b.range2), knots)
+
+
+def _over(x: Float, knots: int) -> Float:
+    """(n, knots) piecewise linear functions of x (n,), with knots at its quantiles; fewer where these are alike."""
     return hats(x, np.unique(np.quantile(x, np.linspace(0, 1, knots))))
 
 
