@@ -2,7 +2,8 @@
 """Steps of a camera's own code, from the jumps of single pixels over the captures of a dwell.
 
 A register that counts time or phase is often rounded before offsets of the pixels are subtracted and range is turned into depth. No grid is
-then common to the pixels of an image, but each pixel still jumps by whole steps of the code.
+then common to the pixels of an image, but each pixel still jumps by whole steps of the code. Where the register holds a ratio of charges, a
+step is longer at some ranges than at others; still, no pixel jumps by less than one.
 """
 
 from __future__ import annotations
@@ -26,13 +27,15 @@ COARSER = 5.0
 LONGEST_M = 0.1
 """Longest step, metres: longer jumps are wrapped phases."""
 ON_CODE = 0.95
-"""Share of the jumps that must be whole steps; the others are outliers."""
+"""Share of the jumps that must be whole steps, or no shorter than `SHORTEST`; the others are outliers."""
+SHORTEST = 0.5
+"""Least jump over the usual one, where steps differ with range. Of jumps by noise alone, a fifth or more are shorter."""
 LEAST_JUMPS, LEAST_SHARE = 300, 0.01
 """Fewest jumps, and their least share in all differences: outliers jump too."""
 
 
 def step_over_time(stack: Stack, ray_length: Float, message_m: float) -> float:
-    """Metres along the ray between the codes of single pixels; 0 where these are not coarser than the message's, or depth is continuous.
+    """Metres along the ray between the codes of single pixels, their mean where it differs with range; 0 where these are not coarser than the message's, or depth is continuous.
 
     Args:
         stack: the captures of a dwell.
@@ -49,8 +52,9 @@ def step_over_time(stack: Stack, ray_length: Float, message_m: float) -> float:
     step = float(np.median(moved))
     steps = np.maximum(np.round(moved / step), 1.0)
     step = float(moved.sum() / steps.sum())
-    on_code = np.mean(np.abs(moved - steps * step) < ROUNDED * least)
-    return step if COARSER * least < step < LONGEST_M and on_code > ON_CODE else 0.0
+    whole = np.mean(np.abs(moved - steps * step) < ROUNDED * least)
+    none_shorter = np.mean(moved > SHORTEST * step)
+    return step if COARSER * least < step < LONGEST_M and max(whole, none_shorter) > ON_CODE else 0.0
 
 
 def _differences(stack: Stack, ray_length: Float) -> Image:
