@@ -29,6 +29,10 @@ if TYPE_CHECKING:
 
 WIDTHS = (0.06, 0.2, 0.8)
 """Standard deviations of the three parts of stray light, as shares of the image's width: halo, middle, veil over the whole image."""
+HARMONICS = 3
+"""Sines that a window over range is made of: five describe the stray light of a coded camera no better."""
+FREE = 2.2
+"""Distance from the farthest surface to a window's next repetition, over its reach: a hundredth of the light there is taken in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +41,8 @@ class LensScatter(Effect):
 
     h is a sum of three Gaussians of unit sum (`WIDTHS`), which can represent narrow cores with long tails; each
     coefficient is the share of all light in that part. Frequency matters: light from a surface a quarter of a wavelength away shifts the
-    phase most, from half a wavelength not at all.
+    phase most, from half a wavelength not at all. A pulsed or coded camera takes in light of surfaces up to about `reach_m` nearer or
+    farther: the bias is then the mean difference in range to the stray light, each part of it weighed by exp(-(difference / reach)^2).
     """
 
     NAME: ClassVar[str] = "lens_scatter"
@@ -47,7 +52,7 @@ class LensScatter(Effect):
     SEPARATED_BY: ClassVar[str] = "the same view with the bright surface covered"
     ACTIONS: ClassVar = (ASIDE, NEARER, FARTHER)
     MODULATED: ClassVar[bool] = True
-    FINER: ClassVar[tuple[Finer, ...]] = (Finer("modulation_mhz", 0.1),)
+    FINER: ClassVar[tuple[Finer, ...]] = (Finer("modulation_mhz", 0.1), Finer("reach_m", 0.3))
     LOCAL: ClassVar[bool] = False
     LINEAR: ClassVar[tuple[str, ...]] = ("halo", "middle", "veil")
     AT_EDGES: ClassVar[bool] = True
@@ -56,26 +61,46 @@ class LensScatter(Effect):
     middle: float = param(0.0, "share that is spread over a fifth of the image", low=-0.1, high=0.5)
     veil: float = param(0.0, "share that is spread over the whole image", low=-0.1, high=0.5)
     modulation_mhz: float = param(60.0, MODULATION, unit="MHz", low=5.0, high=400.0)
+    reach_m: float = param(
+        0.0,
+        "distance between surfaces within which a pulsed or coded camera takes in stray light; 0: modulated",
+        unit="m",
+        low=0.0,
+        high=10.0,
+    )
 
     def columns(self, frame: Frame) -> Float:
-        """First order in the shares, along z: Im(stray / own) divided by the wave number."""
+        """First order in the shares, along z: Im(stray / own) divided by the wave number, or a sum of such terms that makes the window."""
         every = self.columns_at(frame, np.arange(frame.depth.size))
         return every.reshape(*frame.depth.shape, -1)
 
     def columns_at(self, frame: Frame, pixels: Ints) -> Float:
         """`columns` at chosen pixels; the stray light is that of the whole image."""
-        wave = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
         light = np.where(frame.valid, frame.amplitude, 0.0)
-        turn = np.exp(1j * wave * np.where(frame.valid, frame.radial, 0.0))
         dark = np.maximum(light, 1e-3 * np.max(light, initial=1e-12)).ravel()[pixels]
-        sent = light * turn
-        own, length = turn.ravel()[pixels].conj(), frame.length.ravel()[pixels]
-        seen = frame.valid.ravel()[pixels]
-        out = np.empty((len(pixels), len(WIDTHS)))
-        for column, width in zip(out.T, WIDTHS, strict=True):
-            veil = blurred(sent, width * frame.camera.width, pixels)
-            column[:] = np.where(seen, np.imag(veil * own) / dark / wave / length, 0.0)
-        return out
+        along = np.where(frame.valid, frame.radial, 0.0)
+        out = np.zeros((len(pixels), len(WIDTHS)))
+        for size_m, waves in self._terms(along[frame.valid]):
+            turn = np.exp(1j * waves * along)
+            sent, own = light * turn, turn.ravel()[pixels].conj()
+            for column, width in zip(out.T, WIDTHS, strict=True):
+                column += size_m * np.imag(blurred(sent, width * frame.camera.width, pixels) * own)
+        scale = np.where(frame.valid.ravel()[pixels], 1.0 / (dark * frame.length.ravel()[pixels]), 0.0)
+        return out * scale[:, None]
+
+    def _terms(self, ranges: Float) -> list[tuple[float, float]]:
+        """Metres and radians per metre of the sines in the difference in range that make the bias by stray light of one pixel's amount.
+
+        ranges: (n,) metres of the view's surfaces; a window repeats beyond their differences.
+        """
+        if self.reach_m == 0.0 or not len(ranges):
+            waves = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
+            return [(1.0 / waves, waves)]
+        period = float(np.ptp(np.quantile(ranges, [0.005, 0.995]))) + FREE * self.reach_m
+        x = np.linspace(-0.5 * period, 0.5 * period, 201)[:-1]
+        window = x * np.exp(-((x / self.reach_m) ** 2))
+        each = [2.0 * np.pi / period * n for n in range(1, HARMONICS + 1)]
+        return [(float(2.0 * np.mean(window * np.sin(waves * x))), waves) for waves in each]
 
     @classmethod
     def lacks(cls, session: Session) -> str:
@@ -84,10 +109,12 @@ class LensScatter(Effect):
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """One form per usual modulation frequency."""
+        """One form per usual modulation frequency, and two of a pulse's or code's length."""
         del session
         for mhz in (15.0, 30.0, 50.0, 65.0, 80.0, 90.0, 100.0, 110.0, 120.0):
             yield Form(cls(modulation_mhz=mhz), f"{mhz:g} MHz")
+        for reach in (0.35, 0.9):
+            yield Form(cls(reach_m=reach), f"pulse or code of {reach:g} m")
 
 
 def blurred(own: ComplexImage, sigma: float, pixels: Ints) -> ComplexImage:
