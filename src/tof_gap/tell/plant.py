@@ -105,12 +105,14 @@ def to_dicts(words: Sequence[Words]) -> list[dict[str, Any]]:
 
 def _words(name: str, effects: Sequence[Effect], size: str, maps: Sequence[Float] | None, d: Diagnosis, scene: Scene) -> Words:
     kind, course = effects[0], course_of(d)
+    each = ", and ".join(filter(None, dict.fromkeys(_stated(e, course, scene, alone=len(effects) == 1) for e in effects[:MOST_PARTS])))
+    # Waves of nearly one period take each other off: their amplitudes by themselves say little.
+    waves = len(effects) > 1 and each and all(getattr(e, "part", None) is None for e in effects)
     return Words(
         name,
         kind.MEANING,
         "" if maps is None else where(d, maps, scene),
-        ", and ".join(filter(None, dict.fromkeys(_stated(e, course, scene, alone=len(effects) == 1) for e in effects[:MOST_PARTS])))
-        or size,
+        f"together {size}: {each}" if waves else each or size,
         kind.remedy,
         "" if maps is None else cost(d, maps),
     )

@@ -87,14 +87,15 @@ def where_to_look(where: Sequence[str], depends_on: Sequence[str] = (), suspects
     """What to do about the unexplained gap; `where`: parts that carry it; `depends_on`: quantities that it varies with; `suspects`: in words."""
     if "attitude" in depends_on:
         return "Check the camera's mount and the arm for play: the camera turns under its own weight as the hand turns."
+    light = f" (suspected: {listed(suspects)})" if suspects else ""
     if "arm" in depends_on:
         return (
             "Check the arm's encoders, the base and TF: camera poses err from view to view by more than align.priors.arm_mm and arm_deg. "
-            "If this arm is no better, state its errors there."
+            "If this arm is no better, state its errors there. If robot and TF are in order, the fitted poses have followed an error of the "
+            f"camera or of the light that differs from view to view{light}."
         )
     if where:
         they = "it is" if len(where) == 1 else "they are"
-        light = f" (suspected: {listed(suspects)})" if suspects else ""
         return (
             f"Look at {listed(where[:3])}, where most of the error lies: check whether {they} as drawn and in place, and whether {they} glossy, "
             f"wet or transparent. If nothing is to be seen there, the cause is the camera's or the light's{light}."

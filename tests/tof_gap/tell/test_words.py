@@ -200,3 +200,9 @@ def test_what_is_expected_of_a_camera_is_stated_and_what_is_found_is_not() -> No
         "expected of this camera: dropout (3 % of the pixels, those of weak light)",
         "expected of this camera: quantization",
     ]
+
+
+def test_poses_may_follow_the_camera_where_they_err_from_view_to_view() -> None:
+    line = where_to_look(["table"], ["arm"], ["lens scatter"])
+    assert line.startswith("Check the arm's encoders, the base and TF")
+    assert line.endswith("followed an error of the camera or of the light that differs from view to view (suspected: lens scatter).")
