@@ -34,11 +34,12 @@ def examine_parts(scene: Scene, path: Path) -> Iterator[Finding]:
 
 
 def examine_fit(bag: Path | str, scene: Scene, options: BagOptions, initial_pose: str | None) -> Iterator[Finding]:
-    """Compare some views with the CAD; where they do not fit, name the common mistake that explains it."""
+    """Compare some views with the CAD, and the captures of each with each other; where they do not fit, name the common mistake."""
     from dataclasses import replace
 
     from tof_core.bag import open_bag
     from tof_scene.raycast import Raycaster
+    from toftwin.doctor.dwell import ends_of, examine_dwells
     from toftwin.mistakes.find import find_mistake
     from toftwin.options import parse_placement
     from toftwin.pipeline import PipelineConfig, ViewStream
@@ -48,12 +49,15 @@ def examine_fit(bag: Path | str, scene: Scene, options: BagOptions, initial_pose
         with open_bag(bag, options, cell_frame=scene.frame, placed=scene.placed_in) as reader:
             if placed := parse_placement(initial_pose, reader.camera.frame_id):
                 reader.chain = replace(reader.chain, placed=placed)
-            views = list(islice(ViewStream(reader, config), VIEWS))
+            stream = ViewStream(reader, config)
+            seen = [(view, ends_of(stream.members)) for view in islice(stream, VIEWS)]
     except ToftwinError as error:
         yield refused(CHECK, error)
         return
-    if not views:
+    if not seen:
         return
+    views = [view for view, _ in seen]
+    yield from examine_dwells([ends for _, ends in seen])
     yield in_words(find_mistake(views, Raycaster(scene), options, config.align))
 
 
