@@ -154,7 +154,7 @@ def _noise(
 
 def _pixels(views: Sequence[ViewEvidence], limits: NoiseLimits) -> list[Part]:
     """Noise of single pixels. Constant offsets of pixels raise the estimated noise: single noisy pixels are not found beside them."""
-    pixels = _noisy(views, limits)
+    pixels = pixels_found(views, limits)
     if pixels is None or over_mean(views) * pixels.size_m <= limits.pixels.own_mm * 1e-3:
         return []
     size = over_mean(views) * float(pixels.size_m * np.sqrt(pixels.share))
@@ -235,7 +235,7 @@ def _named(parts: Sequence[Part], views: Sequence[ViewEvidence], floor_std: floa
     return [found]
 
 
-def _noisy(views: Sequence[ViewEvidence], limits: NoiseLimits) -> NoisyPixels | None:
+def pixels_found(views: Sequence[ViewEvidence], limits: NoiseLimits) -> NoisyPixels | None:
     """Pixels with a noise of their own that both halves of the views show; None where they may stand out by chance."""
     beside = beside_pixels(views, single_pixels(views))
     found = noisy_pixels(beside, limits.pixels)
@@ -246,5 +246,5 @@ def _noisy(views: Sequence[ViewEvidence], limits: NoiseLimits) -> NoisyPixels | 
 
 def without_noisy_pixels(views: Sequence[ViewEvidence], limits: NoiseLimits) -> Sequence[ViewEvidence]:
     """The views less the pixels with a noise of their own: the photon law is fitted to the others."""
-    found = _noisy(views, limits)
+    found = pixels_found(views, limits)
     return views if found is None else [replace(v, smooth=v.smooth & ~found.where) for v in views]

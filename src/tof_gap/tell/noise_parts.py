@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tof_gap.seen.line_noise import line_noise
-from tof_gap.seen.noise import BY, median_m, over_mean
+from tof_gap.seen.noise import BY, median_m, over_mean, pixels_found
 from tof_gap.seen.pattern import beside_pixels, single_pixels
 from tof_gap.seen.pixel_noise import noisy_pixels
 from tof_gap.tell.levels_apart import Level
@@ -51,8 +51,8 @@ def measured(views: Sequence[ViewEvidence], limits: NoiseLimits) -> dict[str, Me
     pixels = noisy_pixels(beside_pixels(views, single_pixels(views)), limits.pixels)
     size_mm = ratio * float(pixels.size_m * np.sqrt(pixels.share))
     shown = pixels.share > limits.pixel_share and pixels.chance < limits.pixels.chance
-    own = ratio * pixels.size_m > limits.pixels.own_mm
-    out[OF_PIXELS] = Measured(size_mm, shown, shown and own and size_mm > little_mm)
+    own = ratio * pixels.size_m > limits.pixels.own_mm and pixels_found(views, limits) is not None
+    out[OF_PIXELS] = Measured(size_mm, shown, own and size_mm > little_mm)
     return out
 
 
@@ -71,7 +71,7 @@ def part_apart(
         factor: ratio of two noises from which they differ.
     """
     one, other = measured(real, limits), measured(simulated, limits)
-    least_mm = {OF_PIXELS: limits.extra_mm} | dict.fromkeys(BY, limits.line_mm)
+    least_mm = {OF_PIXELS: limits.pixels.own_mm * float(np.sqrt(limits.pixel_share))} | dict.fromkeys(BY, limits.line_mm)
     found: dict[str, tuple[float, Level]] = {}
     for part in one.keys() & other.keys():
         a, b = one[part], other[part]

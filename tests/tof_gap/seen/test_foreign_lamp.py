@@ -185,7 +185,9 @@ def test_errors_that_no_lamp_makes_show_none(errors: Float) -> None:
     assert foreign_lamp(noisy(errors), NOTHING, LIMITS) is None
 
 
-@pytest.mark.parametrize(("at_m", "kept"), [(IN_CELL, True), (IN_CELL + np.array([-0.5, 2.0, 1.5]), False)], ids=["the same place", "another place"])
+@pytest.mark.parametrize(
+    ("at_m", "kept"), [(IN_CELL, True), (IN_CELL + np.array([-0.5, 2.0, 1.5]), False)], ids=["the same place", "another place"]
+)
 def test_a_lamp_must_stand_at_the_same_place_beside_what_all_views_share(
     monkeypatch: pytest.MonkeyPatch, at_m: Float, *, kept: bool
 ) -> None:

@@ -40,7 +40,10 @@ def account(left: np.ndarray, **maps: np.ndarray) -> Any:
         unsure2=np.zeros(SHAPE),
     )
     named = [SimpleNamespace(name=name, suspected=False, confidence=1.0) for name in maps]
-    solved = SimpleNamespace(evidence=seen, bare=seen, maps=figures.maps, named=named, split=SimpleNamespace(held_out=HELD))
+    arms_sd = np.full((VIEWS, 6), 1e-6)
+    solved = SimpleNamespace(
+        evidence=seen, bare=seen, maps=figures.maps, named=named, split=SimpleNamespace(held_out=HELD), arms_sd=arms_sd
+    )
     return SimpleNamespace(solved=solved, figures=figures, findings=(), follows=False, sags=False, astray=False)
 
 

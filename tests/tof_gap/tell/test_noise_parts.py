@@ -51,6 +51,16 @@ def test_noise_of_single_pixels_is_compared() -> None:
     assert f"{OF_PIXELS} in one capture" in only(found).line()
 
 
+def test_few_unstable_pixels_are_compared_by_their_own_noise() -> None:
+    """One pixel in fifty with 2.5 mm of its own, beside 0.6 mm of all pixels: 0.35 mm over the image."""
+    quiet = 0.15 * np.random.default_rng(7).normal(0.0, 0.004, (VIEWS, *SHAPE))
+    unstable = quiet + 0.0025 * PIXELS
+    real, simulated = (diagnosis(views(np.random.default_rng(5), extra, photons=False)) for extra in (unstable, quiet))
+    found = compared(real, simulated)
+    assert (found.verdict, only(found).simulator) == (("noise",), LACKS)
+    assert only(found).real_mm < NoiseLimits().extra_mm
+
+
 def test_what_is_less_than_a_diagnosis_names_is_not_there() -> None:
     """0.3 mm of rows are less than 0.5 mm, and than a quarter of the noise of a pixel."""
     parts = measured(views(np.random.default_rng(5), of_rows(0.0003)), NoiseLimits())
