@@ -16,7 +16,7 @@ from tof_core.shares import in_percent
 from tof_gap.calibration_apart import as_calibrated, mounts_differ
 from tof_gap.second import as_fitted, enlarged
 from tof_gap.seen.finding import not_expected
-from tof_gap.tell.comparison import Against, unnamed
+from tof_gap.tell.comparison import Against, undecided, unnamed
 from tof_gap.tell.difference import LACKS, STRONG, SUPERFLUOUS, WEAK, AgainstLimits, Difference
 from tof_gap.tell.levels_apart import Level, Seen, mixing_apart, steps_apart, wraps_apart
 from tof_gap.tell.light_apart import light_apart
@@ -98,6 +98,8 @@ def against(
     both = _sizes_of_both(pair, simulated)
     same = {*alike, *lost_alike, *both} - {d.effect for d in differences} - set(stated)
     sizes = {name: both[name] for name in sorted(same & both.keys())}
+    within = {name: pair.sizes_mm(name) for name, a in joint.items() if a.within_maps}
+    settled = {*same, *stated, *within, *(name for d in differences for name in d.verdict.split("|"))}
     return Against(
         distance,
         differences,
@@ -107,7 +109,8 @@ def against(
         (unnamed(real), unnamed(simulated)),
         _untested(real, simulated, known),
         None if Dropout.NAME in {d.effect for d in differences} | same else _missing(real, simulated, limits),
-        {name: pair.sizes_mm(name) for name, a in joint.items() if a.within_maps},
+        within,
+        undecided((real.verdict, simulated.verdict), settled),
     )
 
 

@@ -15,6 +15,7 @@ from tests.tof_gap.quiet_views import SHAPE, views
 from tof_core.calibration import HandEyeLimits
 from tof_gap.against import against
 from tof_gap.config import GapConfig
+from tof_gap.tell.comparison import undecided
 from tof_gap.tell.difference import LACKS, OTHER, STRONG, SUPERFLUOUS, WEAK
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.depth_scale import DepthScale
@@ -51,6 +52,34 @@ def test_two_sessions_without_an_effect_are_said_to_show_none(evidence: tuple[Vi
     found = compared(diagnosis(evidence), diagnosis(evidence))
     assert (found.verdict, found.alike) == (("none",), ())
     assert found.lines()[-1] == "simulator and camera differ in no effect: neither shows one"
+
+
+def test_an_effect_of_one_verdict_that_no_difference_settles_is_said() -> None:
+    sides = ("motion", "noise"), ("noise",)
+    assert undecided(sides, frozenset()) == {"motion": "camera"}
+    assert undecided(sides[::-1], frozenset()) == {"motion": "simulator"}
+    assert undecided(sides, {"motion"}) == {}
+    assert undecided((("none",), ("unknown",)), frozenset()) == {}
+
+
+@pytest.mark.parametrize("other", ["temperature_drift", "range_offset"])
+def test_a_tie_is_settled_by_either_of_its_effects(other: str) -> None:
+    tie = "range_offset|temperature_drift"
+    assert undecided(((tie,), (other,)), frozenset()) == {}
+    assert undecided(((tie,), ()), {other}) == {}
+    assert undecided(((tie,), ()), frozenset()) == {tie: "camera"}
+
+
+def test_an_open_effect_is_no_difference_and_no_agreement(evidence: tuple[ViewEvidence, ...]) -> None:
+    quiet = diagnosis(evidence)
+    found = replace(compared(quiet, quiet), undecided={"flying_pixels": "camera"})
+    assert found.verdict == ("none",)
+    assert found.head()[-1] == "no effect is certain enough to be named as a difference"
+    assert found.foot()[0] == (
+        "flying pixels was found in the camera's bag alone, and the simulator's does not tell whether it lacks it: no difference. "
+        "More views make it certain"
+    )
+    assert found.to_dict()["undecided"] == {"flying_pixels": "camera"}
 
 
 def unsure(evidence: tuple[ViewEvidence, ...], left_mm: float) -> Diagnosis:

@@ -12,7 +12,8 @@ from tof_core.shares import in_percent
 from tof_gap.tell.words import listed, spaced
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
+    from collections.abc import Set as AbstractSet
 
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_gap.tell.difference import Difference
@@ -36,6 +37,13 @@ def unnamed(session: Diagnosis) -> Unnamed | None:
     return Unnamed(left_mm, tuple(c.named.name for c in session.causes if session.suspected(c)))
 
 
+def undecided(verdicts: Sequence[Sequence[str]], settled: AbstractSet[str]) -> dict[str, str]:
+    """Effects (or ties, `a|b`) of one verdict alone that the comparison did not settle, each with the side that named it."""
+    items = [[v for v in verdict if v not in ("none", "unknown")] for verdict in verdicts]
+    names = [{name for item in of for name in item.split("|")} for of in items]
+    return {item: SIDES[side] for side, of in enumerate(items) for item in of if not set(item.split("|")) & (names[1 - side] | settled)}
+
+
 @dataclass(frozen=True, slots=True)
 class Against:
     """Real against simulated: the distance before and after every effect is corrected, and the effects in which they differ.
@@ -44,7 +52,8 @@ class Against:
     sizes_mm: of those that both have by their diagnoses, RMS in the camera's and the simulator's session, NaN without a map; as_stated: effects that both have, and that
     differ by no more than the stated calibration allows; unnamed: of the camera's and of the simulator's session; not_testable: effects
     that the simulator's session cannot test, each with the reason; missing: shares of the CAD's pixels without depth in both sessions, where
-    they differ and no effect says why; within_maps: effects whose difference errors of another effect's coarse map may make, with both sizes.
+    they differ and no effect says why; within_maps: effects whose difference errors of another effect's coarse map may make, with both sizes;
+    undecided: effects of one session's verdict, with its side, of which the other session shows neither that it has them nor that it lacks them.
     """
 
     distance: Shrink
@@ -56,6 +65,7 @@ class Against:
     not_testable: Mapping[str, str] = field(default_factory=dict)
     missing: tuple[float, float] | None = None
     within_maps: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    undecided: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def verdict(self) -> tuple[str, ...]:
@@ -77,7 +87,7 @@ class Against:
             return [before, f"once all effects below are put right in the simulator, {d.above_mm(d.after):.2f} mm remain"]
         if self.differences:
             return [before, "no effect in mean depth differs; noise or shares of pixels do"]
-        if any(self.unnamed):
+        if any(self.unnamed) or self.undecided:
             return [before, "no effect is certain enough to be named as a difference"]
         if not (self.alike or self.as_stated):
             return [before, "simulator and camera differ in no effect: neither shows one"]
@@ -90,6 +100,13 @@ class Against:
         both += [
             f"{name} ({real:.2f} mm real, {simulated:.2f} mm simulated) differs by no more than the map of another effect may err: no difference"
             for name, (real, simulated) in self.within_maps.items()
+        ]
+        both += [
+            f"{' or '.join(map(spaced, name.split('|')))} was found in the {side}'s bag alone, and the {other}'s does not tell whether it lacks it: "
+            "no difference. More views make it certain"
+            for name, side in self.undecided.items()
+            for other in SIDES
+            if other != side
         ]
         if self.missing is not None:
             real, simulated = (in_percent(share) for share in self.missing)
@@ -121,6 +138,7 @@ class Against:
             "alike": list(self.alike),
             "alike_mm": {name: list(both) for name, both in self.sizes_mm.items() if np.isfinite(both).all()},
             "as_stated": list(self.as_stated),
+            "undecided": dict(self.undecided),
             "within_maps_mm": {name: list(both) for name, both in self.within_maps.items()},
             "unknown": {
                 side: {"rms_mm": u.rms_mm, "suspected": list(u.suspected)}
