@@ -89,8 +89,9 @@ def test_few_views_tell_nothing() -> None:
 @pytest.mark.parametrize(
     ("name", "off", "taken"),
     [
-        ("lens_scatter", 0.1, False),
-        ("lens_scatter", 0.18, True),
+        ("wiggling", 0.1, False),
+        ("wiggling", 0.18, True),
+        ("lens_scatter", 0.18, False),  # light of surfaces beside the image is not known
         ("subsurface", 0.18, False),  # a map of the scene is known less well
         ("subsurface", 0.3, True),
         ("motion", 1.0, False),  # acts at edges, which are not judged
@@ -138,7 +139,7 @@ def test_a_wave_whose_size_differs_is_uneven_however_far_the_arm_is_off() -> Non
 def test_what_another_effect_may_add_is_no_unevenness() -> None:
     """A map twice as large as a like one, whose size may differ by a tenth: a fifth of the smaller one's size."""
     bare = of(1.0 + 0.18 * BY_TURNS, of_map=WAVE)
-    alone: Any = SimpleNamespace(solved=solved(bare, {"lens_scatter": [WAVE] * VIEWS}), findings=())
-    beside: Any = SimpleNamespace(solved=solved(bare, {"lens_scatter": [WAVE] * VIEWS, "wiggling": [2.0 * WAVE] * VIEWS}), findings=())
-    assert uneven(alone, LIMIT, NOISE) == "lens_scatter"
+    alone: Any = SimpleNamespace(solved=solved(bare, {"amplitude_bias": [WAVE] * VIEWS}), findings=())
+    beside: Any = SimpleNamespace(solved=solved(bare, {"amplitude_bias": [WAVE] * VIEWS, "wiggling": [2.0 * WAVE] * VIEWS}), findings=())
+    assert uneven(alone, LIMIT, NOISE) == "amplitude_bias"
     assert uneven(beside, LIMIT, NOISE) is None
