@@ -41,7 +41,12 @@ def uneven(found: Account, limit: UnexplainedLimits, noise: NoiseLimits) -> str 
     lines = [(of.axis, line_noise_by_view(bare, of.axis, noise.lines)) for of in (lines_found(bare, noise) if of_lines else [])]
     smooth = {name: maps for name, maps in found.solved.maps.items() if not EFFECTS[name].SMEARS}
     arms = [pose_columns(v.frame) * sd for v, sd in zip(bare, found.solved.arms_sd, strict=True)]
-    beyond = {name: spread(bare, maps, limit, lines, besides(name, smooth, arms)) / EFFECTS[name].UNEVEN for name, maps in smooth.items()}
+    beyond = {}
+    for name, maps in smooth.items():
+        # With poses as they are, an effect lacks what they took of it. Beside free poses, little of it is left, and errors of the
+        # other effects' maps weigh more. A constant of the camera is even in one of the two.
+        either = spread(bare, maps, limit, lines), spread(bare, maps, limit, lines, besides(name, smooth, arms))
+        beyond[name] = min(either) / EFFECTS[name].UNEVEN
     worst = max(beyond, key=beyond.__getitem__, default=None)
     return worst if worst is not None and beyond[worst] > 1.0 else None
 
