@@ -17,7 +17,7 @@ from tof_sensor.geometry import pose_columns
 from tof_sensor.registry import EFFECTS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from tof_core.arrays import Float
     from tof_gap.limits.report import UnexplainedLimits
@@ -40,13 +40,12 @@ def uneven(found: Account, limit: UnexplainedLimits, noise: NoiseLimits) -> str 
     of_lines = any(isinstance(f.effect, Noise) and f.common is not None for f in found.findings)
     lines = [(of.axis, line_noise_by_view(bare, of.axis, noise.lines)) for of in (lines_found(bare, noise) if of_lines else [])]
     smooth = {name: maps for name, maps in found.solved.maps.items() if not EFFECTS[name].SMEARS}
-    arms = [pose_columns(v.frame) * sd for v, sd in zip(bare, found.solved.arms_sd, strict=True)]
-    beyond = {}
-    for name, maps in smooth.items():
+    beyond = {name: spread(bare, maps, limit, lines) / EFFECTS[name].UNEVEN for name, maps in smooth.items()}
+    for name in [name for name, share in beyond.items() if share > 1.0]:
         # With poses as they are, an effect lacks what they took of it. Beside free poses, little of it is left, and errors of the
         # other effects' maps weigh more. A constant of the camera is even in one of the two.
-        either = spread(bare, maps, limit, lines), spread(bare, maps, limit, lines, besides(name, smooth, arms))
-        beyond[name] = min(either) / EFFECTS[name].UNEVEN
+        free = spread(bare, smooth[name], limit, lines, besides(name, smooth, bare, found.solved.arms_sd))
+        beyond[name] = min(beyond[name], free / EFFECTS[name].UNEVEN)
     worst = max(beyond, key=beyond.__getitem__, default=None)
     return worst if worst is not None and beyond[worst] > 1.0 else None
 
@@ -60,13 +59,14 @@ def _less_lamps(found: Account) -> Sequence[ViewEvidence]:
     return less(found.solved.bare, fringes)
 
 
-def besides(name: str, maps: Mapping[str, Sequence[Float]], arms: Sequence[Float]) -> list[Float]:
-    """Per view, (H, W, k) metres of z, one standard deviation each of what may be there besides one effect: the other effects and the arm.
+def besides(name: str, maps: Mapping[str, Sequence[Float]], views: Sequence[ViewEvidence], arms_sd: Float) -> Iterator[Float]:
+    """Of each view, (H, W, k) metres of z, one standard deviation each of what may be there besides one effect: the arm and the other effects.
 
     The arm takes what differs from view to view and is alike over a view, and with it the mean of an effect; the others' sizes vary, too.
     """
     others = [(EFFECTS[other].UNEVEN, of) for other, of in maps.items() if other != name]
-    return [np.concatenate([arm, *(share * of[k][..., None] for share, of in others)], axis=-1) for k, arm in enumerate(arms)]
+    for k, (view, sd) in enumerate(zip(views, arms_sd, strict=True)):
+        yield np.concatenate([pose_columns(view.frame) * sd, *(share * of[k][..., None] for share, of in others)], axis=-1)
 
 
 def spread(
@@ -74,7 +74,7 @@ def spread(
     maps: Sequence[Float],
     limit: UnexplainedLimits,
     lines: Sequence[Lines] = (),
-    besides: Sequence[Float] | None = None,
+    besides: Iterable[Float] | None = None,
 ) -> float:
     """Standard deviation over the views of an effect's size, over its mean: the part beyond noise, as a lower confidence bound.
 
@@ -85,10 +85,11 @@ def spread(
         maps: (H, W) metres of z per view that the effect adds.
         limit: how many views are needed, and how sure the least value is.
         lines: noise of whole rows and columns, which many pixels of the map share.
-        besides: per view, (H, W, k) metres of z, one standard deviation each of what may be there besides; None: nothing.
+        besides: of each view, (H, W, k) metres of z, one standard deviation each of what may be there besides; None: nothing.
     """
-    beside = besides or [np.zeros((*m.shape, 0)) for m in maps]
-    known = [_size(v, m, [(axis, float(of[k])) for axis, of in lines], beside[k]) for k, (v, m) in enumerate(zip(bare, maps, strict=True))]
+    beside = (np.zeros((*m.shape, 0)) for m in maps) if besides is None else besides
+    every = enumerate(zip(bare, maps, beside, strict=True))
+    known = [_size(v, m, [(axis, float(of[k])) for axis, of in lines], more) for k, (v, m, more) in every]
     size, information, noise = (np.array([k[i] for k in known]) for i in range(3))
     whole = float(information.sum())
     if not whole > 0.0:
