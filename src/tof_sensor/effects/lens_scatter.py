@@ -47,8 +47,6 @@ class LensScatter(Effect):
 
     NAME: ClassVar[str] = "lens_scatter"
     ORDER: ClassVar[int] = 40
-    # Light of surfaces beside the image is not known, and each view has others: haze has 0.14 at most, a ghost image 0.17 and more.
-    UNEVEN: ClassVar[float] = 0.15
     MEANING: ClassVar[str] = "light of bright surfaces spreads in the lens over dark ones"
     REMEDY: ClassVar[str] = "clean the lens and its window, and cover bright surfaces near the camera"
     SEPARATED_BY: ClassVar[str] = "the same view with the bright surface covered"
@@ -68,7 +66,7 @@ class LensScatter(Effect):
         "distance between surfaces within which a pulsed or coded camera takes in stray light; 0: modulated",
         unit="m",
         low=0.0,
-        high=10.0,
+        high=3.0,
     )
 
     def columns(self, frame: Frame) -> Float:
