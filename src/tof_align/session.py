@@ -104,8 +104,9 @@ def solve_samples(
     columns: Columns | None = None,
     theta_std: Float | None = None,
     start: Chain | None = None,
+    once: bool = False,
 ) -> SessionSolution:
-    """`solve_session` for samples of the views; `columns(v, linearised) -> (n, k)`."""
+    """`solve_session` for samples of the views; `columns(v, linearised) -> (n, k)`; `once`: not again through the lens that was found."""
     if not samples:
         raise RefusedError("there are no views", where="alignment", todo="record at least one still view of the parts")
     seed = chain_of(samples, config.priors)
@@ -118,11 +119,10 @@ def solve_samples(
     system, answer, given = fitter.fit(chain, config.iterations)
     stated = samples[0].full.camera
     lens = _lens(system, answer, stated)
-    if lens is None or columns is not None or apart_px(stated, lens.camera) < config.discrepancy.lens_again_px:
+    if once or lens is None or columns is not None or apart_px(stated, lens.camera) < config.discrepancy.lens_again_px:
         return _through(_conclude(fitter, system, answer, given, seed), lens)
     through = [replace(s, full=s.full.through(lens.camera)) for s in samples]
-    once = replace(config, discrepancy=replace(config.discrepancy, lens_again_px=np.inf))
-    again = solve_samples(through, caster, once, start=system.rig.moved(answer.x, answer.own))
+    again = solve_samples(through, caster, config, start=system.rig.moved(answer.x, answer.own), once=True)
     return _through(again, again.lens or lens)
 
 

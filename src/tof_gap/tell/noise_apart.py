@@ -11,7 +11,7 @@ import numpy as np
 from tof_gap.seen.photons import between_captures2, least_mm
 from tof_gap.seen.residual import noise_again
 from tof_gap.tell.levels_apart import Level
-from tof_gap.tell.noise_parts import part_apart
+from tof_gap.tell.noise_parts import OF_PIXELS, part_apart
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.cad_deviation import CadDeviation
@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 
 LEAST_PIXELS = 50
 """Pixels of a part in either session from which its noise is compared: the median of as many is known to a tenth."""
+MOST = 0.5
+"""Share of the difference in variance from which it is that of whole lines."""
 MAKE_NOISE = frozenset({FixedPattern.NAME, Quantization.NAME, Interference.NAME})
 """Effects that are no noise, and of which more makes more noise."""
 
@@ -51,21 +53,25 @@ class Noisy:
 
 
 def noise_apart(pair: Pair, simulated: Diagnosis, limits: AgainstLimits, known: SensorModel | None, seen: Seen) -> tuple[str, Level] | None:
-    """Noise in which both differ: of what, and its level; that of most pixels first, else of lines or of single pixels.
+    """Noise in which both differ: of what, and its level; that of most pixels, else of lines or of single pixels.
 
-    Foreign light may be little beside the camera's own noise: then the light is compared alone.
+    Noise of whole lines is in every pixel: where it makes most of that difference, it is what differs. Foreign light may be little beside
+    the camera's own noise: then the light is compared alone.
     """
     real, law = pair.real, _shared_law(pair.real, simulated, known)
     sides = Noisy(_quiet(real), pair.camera, 1.0), Noisy(_quiet(simulated), pair.simulator, 1.0 / pair.unit)
     level = captures_apart(*sides, seen, limits.absent) if law is None else over_law_apart(*sides, law, seen, limits.absent)
     least = least_mm([*real.evidence, *simulated.evidence], real.config.noise)
+    found = part_apart(bare(real), bare(simulated), real.config.noise, limits.noise, limits.absent)
+    of_lines = found is not None and found[0] != OF_PIXELS
+    if found is not None and of_lines and level is not None and _excess_mm(found[1]) ** 2 > MOST * _excess_mm(level) ** 2:
+        return f"{found[0]} ", found[1]
     if level is not None and not level.within(limits.noise) and _excess_mm(level) > least:
         return "", level
     if law is not None and known is not None and known.law is not None and level is not None and not level.within(limits.light):
         light = ambient_apart(*sides, law, seen, real.config.noise.law_excess)
         if light is not None and not light.within(limits.shares) and _excess_mm(light) > least:
             return "beyond the photon law ", light
-    found = part_apart(bare(real), bare(simulated), real.config.noise, limits.noise)
     return None if found is None else (f"{found[0]} ", found[1])
 
 

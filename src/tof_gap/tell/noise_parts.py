@@ -57,25 +57,27 @@ def measured(views: Sequence[ViewEvidence], limits: NoiseLimits) -> dict[str, Me
 
 
 def part_apart(
-    real: Sequence[ViewEvidence], simulated: Sequence[ViewEvidence], limits: NoiseLimits, factor: float
+    real: Sequence[ViewEvidence], simulated: Sequence[ViewEvidence], limits: NoiseLimits, factor: float, absent: float
 ) -> tuple[str, Level] | None:
     """The part of the noise in which two sessions differ most, and its size in mm in both; None where none differs.
 
     A part differs if it would be named in a session, if the sizes differ by `factor`, and by more than a diagnosis leaves unnamed. A session
-    has it if its views show it, also where it is too little to be named.
+    has it if its views show it, also where it is too little to be named, and it is not less than a share of `absent` of the other's.
 
     Args:
         real: the camera's views, less all smooth bias.
         simulated: the simulator's.
         limits: when noise is more than chance.
         factor: ratio of two noises from which they differ.
+        absent: share of the larger size up to which the smaller one is none.
     """
     one, other = measured(real, limits), measured(simulated, limits)
     least_mm = {OF_PIXELS: limits.pixels.own_mm * float(np.sqrt(limits.pixel_share))} | dict.fromkeys(BY, limits.line_mm)
     found: dict[str, tuple[float, Level]] = {}
     for part in one.keys() & other.keys():
         a, b = one[part], other[part]
-        level = Level(Noise.NAME, a.size_mm, b.size_mm, {}, (a.shown, b.shown))
+        has = a.shown and a.size_mm >= absent * b.size_mm, b.shown and b.size_mm >= absent * a.size_mm
+        level = Level(Noise.NAME, a.size_mm, b.size_mm, {}, has)
         excess_mm = float(np.sqrt(abs(a.size_mm**2 - b.size_mm**2)))
         if (a.named or b.named) and not level.within(factor) and excess_mm > least_mm[part]:
             found[part] = (excess_mm, level)

@@ -22,7 +22,8 @@ def of_rows(size_m: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("real_m", "simulated_m", "manner"), [(0.0, 0.003, SUPERFLUOUS), (0.003, 0.0, LACKS), (0.002, 0.004, STRONG), (0.0008, 0.002, STRONG)]
+    ("real_m", "simulated_m", "manner"),
+    [(0.0, 0.003, SUPERFLUOUS), (0.003, 0.0, LACKS), (0.002, 0.004, STRONG), (0.0008, 0.002, STRONG), (0.0003, 0.004, SUPERFLUOUS)],
 )
 def test_noise_of_rows_is_compared_with_that_of_the_other_session(real_m: float, simulated_m: float, manner: str) -> None:
     """Noise that a row shares, beside 4 mm of a pixel, which is alike in both sessions.
@@ -35,6 +36,13 @@ def test_noise_of_rows_is_compared_with_that_of_the_other_session(real_m: float,
     sizes = [1e-3 * s for s in (only(found).real_mm, only(found).simulated_mm)]
     assert sizes == pytest.approx([real_m, simulated_m], rel=0.15, abs=3e-4)
     assert "by rows in one capture" in only(found).line()
+
+
+def test_noise_of_rows_that_makes_most_of_the_noise_of_all_pixels_is_what_differs() -> None:
+    """4 mm of rows beside 4 mm of a pixel: every pixel has 5.7 mm, and the difference is that of the rows."""
+    found = compared(*(diagnosis(views(np.random.default_rng(5), of_rows(size))) for size in (0.0, 0.004)))
+    assert "by rows in one capture" in only(found).line()
+    assert (only(found).real_mm, only(found).simulated_mm) == (pytest.approx(0.0, abs=0.3), pytest.approx(4.0, rel=0.15))
 
 
 def test_one_noise_of_rows_in_both_is_no_difference() -> None:
