@@ -82,15 +82,12 @@ def against(
     in_own_unit = {HandEye.NAME} if mounts_differ(real, simulated) else set[str]()
     trials = (pair.by_coefficients(n, joint[n]) if n in joint else pair.difference(n, of_size=n not in in_own_unit) for n in pair.names)
     found = [d for d in trials if d is not None]
-    shares = [p.shown([d.effect for d in found]) for p in (pair, mirrored)]
     # Free poses take up a mount: what is left of it shows errors of the maps.
-    alike = tuple(d.effect for d in found if d.effect not in in_own_unit and any(s[d.effect] < limits.shown for s in shares))
-    missed = [n for n, a in joint.items() if n in one_sided and n not in {d.effect for d in found} and a.ratio < limits.shown]
+    hidden = _not_shown([d.effect for d in found], (pair, mirrored), limits) - in_own_unit
+    missed = {n for n, a in joint.items() if n in one_sided and n not in {d.effect for d in found} and a.ratio < limits.shown}
     stated = as_calibrated(real, simulated)
-    alike = tuple(sorted({*alike, *missed} - set(stated)))
-    unlike = [d for d in found if d.effect not in (*alike, *stated)]
-    tied = ties(real.causes, simulated.causes, taken)
-    biases = [replace(d, ties=tied.get(d.effect, ())) for d in unlike]
+    alike, tied = (hidden | missed) - set(stated), ties(real.causes, simulated.causes, taken)
+    biases = [replace(d, ties=tied.get(d.effect, ())) for d in found if d.effect not in (*alike, *stated)]
     biases.sort(key=lambda d: -(d.shrink or 0.0))
     distance = pair.distance([n for n in pair.names if n not in (*alike, *stated)])
     lost, lost_alike = _loss(pair, simulated, limits)
@@ -99,7 +96,6 @@ def against(
     same = {*alike, *lost_alike, *both} - {d.effect for d in differences} - set(stated)
     sizes = {name: both[name] for name in sorted(same & both.keys())}
     within = {name: pair.sizes_mm(name) for name, a in joint.items() if a.within_maps}
-    settled = {*same, *stated, *within, *(name for d in differences for name in d.verdict.split("|"))}
     return Against(
         distance,
         differences,
@@ -110,8 +106,13 @@ def against(
         _untested(real, simulated, known),
         None if Dropout.NAME in {d.effect for d in differences} | same else _missing(real, simulated, limits),
         within,
-        undecided((real.verdict, simulated.verdict), settled),
+        undecided((real.verdict, simulated.verdict), differences, {*same, *stated, *within}),
     )
+
+
+def _not_shown(names: Sequence[str], pairs: tuple[Pair, Pair], limits: AgainstLimits) -> set[str]:
+    """Differences of maps that the views of one session do not show, whatever its poses are."""
+    return {name for pair in pairs for name, share in pair.shown(names).items() if share < limits.shown}
 
 
 def _paired(

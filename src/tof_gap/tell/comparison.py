@@ -37,8 +37,9 @@ def unnamed(session: Diagnosis) -> Unnamed | None:
     return Unnamed(left_mm, tuple(c.named.name for c in session.causes if session.suspected(c)))
 
 
-def undecided(verdicts: Sequence[Sequence[str]], settled: AbstractSet[str]) -> dict[str, str]:
-    """Effects (or ties, `a|b`) of one verdict alone that the comparison did not settle, each with the side that named it."""
+def undecided(verdicts: Sequence[Sequence[str]], differences: Sequence[Difference], same: AbstractSet[str]) -> dict[str, str]:
+    """Effects (or ties, `a|b`) of one verdict alone that are neither a difference nor the same, each with the side that named it."""
+    settled = same | {name for d in differences for name in d.verdict.split("|")}
     items = [[v for v in verdict if v not in ("none", "unknown")] for verdict in verdicts]
     names = [{name for item in of for name in item.split("|")} for of in items]
     return {item: SIDES[side] for side, of in enumerate(items) for item in of if not set(item.split("|")) & (names[1 - side] | settled)}
