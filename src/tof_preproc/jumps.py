@@ -35,7 +35,9 @@ LEAST_JUMPS, LEAST_SHARE = 300, 0.01
 
 
 def step_over_time(stack: Stack, ray_length: Float, message_m: float) -> float:
-    """Metres along the ray between the codes of single pixels, their mean where it differs with range; 0 where these are not coarser than the message's, or depth is continuous.
+    """Metres along the ray between the codes of single pixels; 0 where these are not coarser than the message's, or depth is continuous.
+
+    The mean where steps are longer at some ranges.
 
     Args:
         stack: the captures of a dwell.

@@ -239,9 +239,17 @@ def pixels_found(views: Sequence[ViewEvidence], limits: NoiseLimits) -> NoisyPix
     """Pixels with a noise of their own that both halves of the views show; None where they may stand out by chance."""
     beside = beside_pixels(views, single_pixels(views))
     found = noisy_pixels(beside, limits.pixels)
-    if found.share <= limits.pixel_share or found.chance >= limits.pixels.chance:
-        return None
-    return found if halves_agree(beside, limits.pixels) > limits.pixels.repeated else None
+    return found if stand_out(found, limits) and unstable(beside, limits) else None
+
+
+def stand_out(pixels: NoisyPixels, limits: NoiseLimits) -> bool:
+    """Whether more pixels are noisier than the views than by chance."""
+    return pixels.share > limits.pixel_share and pixels.chance < limits.pixels.chance
+
+
+def unstable(beside: Sequence[ViewEvidence], limits: NoiseLimits) -> bool:
+    """Whether the same pixels are noisy in both halves of the views, given without constant offsets of pixels."""
+    return halves_agree(beside, limits.pixels) > limits.pixels.repeated
 
 
 def without_noisy_pixels(views: Sequence[ViewEvidence], limits: NoiseLimits) -> Sequence[ViewEvidence]:

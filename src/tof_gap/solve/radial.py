@@ -53,12 +53,13 @@ def gate(
     if not better and not all(_bends(v) for v in views):
         return begun, None
     begun.hand_over()  # Frees the images of one reading before those of the other are made.
-    tried.hand_over()
     converted = [_from_distances(v) for v in views]
-    other = start(converted, caster, config, align)
+    if len(some) < len(views):
+        tried.hand_over()
+        tried = start(converted, caster, config, align)
     share = np.stack([(v.depth - c.depth).astype(np.float64) for v, c in zip(views, converted, strict=True)])
     note = "the depth image holds distance along the ray"
-    return other, Finding(RadialDepth(share=1.0), 1.0, share=share, corrects=True, note=note)
+    return tried, Finding(RadialDepth(share=1.0), 1.0, share=share, corrects=True, note=note)
 
 
 def _from_distances(view: View) -> View:

@@ -44,7 +44,7 @@ def uneven(found: Account, limit: UnexplainedLimits, noise: NoiseLimits) -> str 
     for name in [name for name, share in beyond.items() if share > 1.0]:
         # With poses as they are, an effect lacks what they took of it. Beside free poses, little of it is left, and errors of the
         # other effects' maps weigh more. A constant of the camera is even in one of the two.
-        free = spread(bare, smooth[name], limit, lines, besides(name, smooth, bare, found.solved.arms_sd))
+        free = spread(bare, smooth[name], limit, lines, arm_and_others(name, smooth, bare, found.solved.arms_sd))
         beyond[name] = min(beyond[name], free / EFFECTS[name].UNEVEN)
     worst = max(beyond, key=beyond.__getitem__, default=None)
     return worst if worst is not None and beyond[worst] > 1.0 else None
@@ -59,7 +59,7 @@ def _less_lamps(found: Account) -> Sequence[ViewEvidence]:
     return less(found.solved.bare, fringes)
 
 
-def besides(name: str, maps: Mapping[str, Sequence[Float]], views: Sequence[ViewEvidence], arms_sd: Float) -> Iterator[Float]:
+def arm_and_others(name: str, maps: Mapping[str, Sequence[Float]], views: Sequence[ViewEvidence], arms_sd: Float) -> Iterator[Float]:
     """Of each view, (H, W, k) metres of z, one standard deviation each of what may be there besides one effect: the arm and the other effects.
 
     The arm takes what differs from view to view and is alike over a view, and with it the mean of an effect; the others' sizes vary, too.
@@ -74,7 +74,7 @@ def spread(
     maps: Sequence[Float],
     limit: UnexplainedLimits,
     lines: Sequence[Lines] = (),
-    besides: Iterable[Float] | None = None,
+    beside: Iterable[Float] | None = None,
 ) -> float:
     """Standard deviation over the views of an effect's size, over its mean: the part beyond noise, as a lower confidence bound.
 
@@ -85,11 +85,11 @@ def spread(
         maps: (H, W) metres of z per view that the effect adds.
         limit: how many views are needed, and how sure the least value is.
         lines: noise of whole rows and columns, which many pixels of the map share.
-        besides: of each view, (H, W, k) metres of z, one standard deviation each of what may be there besides; None: nothing.
+        beside: of each view, (H, W, k) metres of z, one standard deviation each of what may be there besides; None: nothing.
     """
-    beside = (np.zeros((*m.shape, 0)) for m in maps) if besides is None else besides
-    every = enumerate(zip(bare, maps, beside, strict=True))
-    known = [_size(v, m, [(axis, float(of[k])) for axis, of in lines], more) for k, (v, m, more) in every]
+    others = (np.zeros((*m.shape, 0)) for m in maps) if beside is None else beside
+    every = enumerate(zip(bare, maps, others, strict=True))
+    known = [_size(v, m, [(axis, float(of[k])) for axis, of in lines], other) for k, (v, m, other) in every]
     size, information, noise = (np.array([k[i] for k in known]) for i in range(3))
     whole = float(information.sum())
     if not whole > 0.0:

@@ -102,13 +102,7 @@ class Against:
             f"{name} ({real:.2f} mm real, {simulated:.2f} mm simulated) differs by no more than the map of another effect may err: no difference"
             for name, (real, simulated) in self.within_maps.items()
         ]
-        both += [
-            f"{' or '.join(map(spaced, name.split('|')))} was found in the {side}'s bag alone, and the {other}'s does not tell whether it lacks it: "
-            "no difference. More views make it certain"
-            for name, side in self.undecided.items()
-            for other in SIDES
-            if other != side
-        ]
+        both += [_one_sided(name, side) for name, side in self.undecided.items()]
         if self.missing is not None:
             real, simulated = (in_percent(share) for share in self.missing)
             both.append(
@@ -149,6 +143,15 @@ class Against:
             "not_testable": dict(self.not_testable),
             "missing": None if self.missing is None else dict(zip(SIDES, self.missing, strict=True)),
         }
+
+
+def _one_sided(name: str, side: str) -> str:
+    """An effect, or a tie, that one session's verdict names and the other session does not settle, in words."""
+    (other,) = set(SIDES) - {side}
+    return (
+        f"{' or '.join(map(spaced, name.split('|')))} was found in the {side}'s bag alone, and the {other}'s does not tell whether it lacks it: "
+        "no difference. More views make it certain"
+    )
 
 
 def _open(side: str, left: Unnamed) -> str:

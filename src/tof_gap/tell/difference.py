@@ -57,6 +57,12 @@ class AgainstLimits:
         high=1.0,
         why="what is left of a known effect that is removed from a session without it: poses are known to a few per cent of it",
     )
+    of_lines: float = param(
+        0.5,
+        "share of a difference in noise variance that whole lines must make to be stated as what differs",
+        low=0.0,
+        why="noise of lines is in every pixel; less leaves most of the difference to another cause",
+    )
     pattern: float = param(
         2.0,
         "squared difference of two fixed patterns, over the variance of both fits",

@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 
 LEAST_PIXELS = 50
 """Pixels of a part in either session from which its noise is compared: the median of as many is known to a tenth."""
-MOST = 0.5
-"""Share of the difference in variance from which it is that of whole lines."""
 MAKE_NOISE = frozenset({FixedPattern.NAME, Quantization.NAME, Interference.NAME})
 """Effects that are no noise, and of which more makes more noise."""
 
@@ -63,16 +61,21 @@ def noise_apart(pair: Pair, simulated: Diagnosis, limits: AgainstLimits, known: 
     level = captures_apart(*sides, seen, limits.absent) if law is None else over_law_apart(*sides, law, seen, limits.absent)
     least = least_mm([*real.evidence, *simulated.evidence], real.config.noise)
     found = part_apart(bare(real), bare(simulated), real.config.noise, limits.noise, limits.absent)
-    of_lines = found is not None and found[0] != OF_PIXELS
-    if found is not None and of_lines and level is not None and _excess_mm(found[1]) ** 2 > MOST * _excess_mm(level) ** 2:
-        return f"{found[0]} ", found[1]
+    of_part = None if found is None else (f"{found[0]} ", found[1])
+    if (
+        found is not None
+        and found[0] != OF_PIXELS
+        and level is not None
+        and _excess_mm(found[1]) ** 2 > limits.of_lines * _excess_mm(level) ** 2
+    ):
+        return of_part
     if level is not None and not level.within(limits.noise) and _excess_mm(level) > least:
         return "", level
     if law is not None and known is not None and known.law is not None and level is not None and not level.within(limits.light):
         light = ambient_apart(*sides, law, seen, real.config.noise.law_excess)
         if light is not None and not light.within(limits.shares) and _excess_mm(light) > least:
             return "beyond the photon law ", light
-    return None if found is None else (f"{found[0]} ", found[1])
+    return of_part
 
 
 def not_comparable(real: Diagnosis, simulated: Diagnosis, known: SensorModel | None) -> str:
