@@ -39,7 +39,8 @@ class NoiseBins:
 
     view: index of the view; amplitude: mean, camera's unit; range2: mean squared range, m^2; surroundings2: mean of `Frame.surroundings_m2`;
     variance: of one capture by its neighbours, m^2 along the ray; samples: their number; between: variance between the captures of a dwell,
-    m^2 along the ray, NaN in views of one capture.
+    m^2 along the ray, NaN in views of one capture; growth: variance of differences of pixels two apart over that of next neighbours, above 1
+    where the camera averages over neighbours.
     """
 
     view: Float
@@ -49,6 +50,7 @@ class NoiseBins:
     variance: Float
     samples: Float
     between: Float | None = None
+    growth: Float | None = None
 
     def of(self, keep: Mask) -> NoiseBins:
         """The bins of a mask."""

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Mask
     from tof_gap.limits.seen import NoiseLimits
     from tof_gap.seen.line_noise import LineNoise
+    from tof_gap.seen.pattern import PixelOffsets
     from tof_gap.seen.photons import LawFit
     from tof_gap.seen.pixel_noise import NoisyPixels
     from tof_gap.seen.residual import ViewEvidence
@@ -157,7 +158,7 @@ def _pixels(views: Sequence[ViewEvidence], limits: NoiseLimits) -> list[Part]:
     pixels = pixels_found(views, limits)
     if pixels is None or over_mean(views) * pixels.size_m <= limits.pixels.own_mm * 1e-3:
         return []
-    size = over_mean(views) * float(pixels.size_m * np.sqrt(pixels.share))
+    size = over_mean(views) * pixels.rms_m
     return [Part(f"of {in_percent(pixels.share)} of the pixels", size, where=pixels.where)]
 
 
@@ -237,9 +238,18 @@ def _named(parts: Sequence[Part], views: Sequence[ViewEvidence], floor_std: floa
 
 def pixels_found(views: Sequence[ViewEvidence], limits: NoiseLimits) -> NoisyPixels | None:
     """Pixels with a noise of their own that both halves of the views show; None where they may stand out by chance."""
-    beside = beside_pixels(views, single_pixels(views))
+    offsets = single_pixels(views)
+    beside = beside_pixels(views, offsets)
     found = noisy_pixels(beside, limits.pixels)
-    return found if stand_out(found, limits) and unstable(beside, limits) else None
+    return found if stand_out(found, limits) and unstable(beside, limits) and not by_offsets(found, offsets, views, limits) else None
+
+
+def by_offsets(pixels: NoisyPixels, offsets: PixelOffsets, views: Sequence[ViewEvidence], limits: NoiseLimits) -> bool:
+    """Whether constant offsets of pixels may make the noise of some of them: in a camera that averages, where the offsets are larger.
+
+    The average takes a neighbour with another offset in or leaves it out, from capture to capture.
+    """
+    return views[0].correlation.correlated and pixels.rms_m < limits.pixels.of_offsets * offsets.size_m
 
 
 def stand_out(pixels: NoisyPixels, limits: NoiseLimits) -> bool:

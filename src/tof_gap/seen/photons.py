@@ -56,9 +56,11 @@ def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> Noi
         for b in range(bins):
             own = [part[b] for part in parts]
             if min(map(len, own)) >= limits.bin_samples:
-                own2 = v.correlation.variance([trimmed_std(d2) ** 2 for d2 in own])
-                rows.append((i, *(mean[b] for mean in means), v.view.captures * own2, count[b], np.median(between[b])))
-    table = np.array(rows, float).reshape(-1, 7)
+                shown2 = [trimmed_std(d2) ** 2 for d2 in own]
+                own2 = v.correlation.variance(shown2)
+                grown = shown2[-1] / max(shown2[0], 1e-14)
+                rows.append((i, *(mean[b] for mean in means), v.view.captures * own2, count[b], np.median(between[b]), grown))
+    table = np.array(rows, float).reshape(-1, 8)
     return NoiseBins(*table.T)
 
 

@@ -41,6 +41,11 @@ class NoisyPixels:
     size_m: float
     chance: float
 
+    @property
+    def rms_m(self) -> float:
+        """Metres along the ray: RMS of that noise over the image."""
+        return float(self.size_m * np.sqrt(self.share))
+
 
 def noisy_pixels(views: Sequence[ViewEvidence], limits: PixelLimits) -> NoisyPixels:
     """Pixels whose variance over the views exceeds the views' noise; constant offsets of pixels are removed from both."""

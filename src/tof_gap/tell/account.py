@@ -20,14 +20,13 @@ from tof_gap.seen.photons import own_law
 from tof_gap.seen.repeated import repeated
 from tof_gap.tell.figures import figures
 from tof_gap.tell.outliers import fails_to_merge, removed_outliers
+from tof_gap.tell.own_light import of_own_light
 from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.effects.interference import Interference
-from tof_sensor.effects.lens_scatter import LensScatter
 from tof_sensor.effects.motion import Motion
-from tof_sensor.effects.multipath import Multipath
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.temperature_drift import TemperatureDrift
 from tof_sensor.effects.time_sync import TimeSync
@@ -222,17 +221,6 @@ def _foreign(solved: Solved, lines: Sequence[LineNoise], config: GapConfig, *, a
     if found is None or repeated(left, found.common, config.noise.repeated, steps2(solved) * (found.posed_m > 0)):
         return None
     return found
-
-
-def of_own_light(found: Finding, solved: Solved) -> bool:
-    """Whether noise beyond the photon law is that of the camera's own light, as a named effect changes it.
-
-    Traps (`amplitude_bias`) take a constant charge from the signal, not from its photons: of the same amplitude, dark pixels then have more
-    photon noise, in excess by 1 / A^2, as read-out noise has. So it is with own light that reaches all pixels by other surfaces or by the
-    lens. Foreign light off the surfaces has another excess.
-    """
-    changes = (AmplitudeBias.NAME, LensScatter.NAME, Multipath.NAME)
-    return isinstance(found.effect, Ambient) and found.effect.like_read_out and any(map(solved.names, changes))
 
 
 def _piled_up(solved: Solved) -> bool:

@@ -50,7 +50,7 @@ def measured(views: Sequence[ViewEvidence], limits: NoiseLimits) -> dict[str, Me
         out[BY[axis]] = Measured(size_mm, shown, shown and size_mm > max(limits.line_mm, little_mm))
     beside = beside_pixels(views, single_pixels(views))
     pixels = noisy_pixels(beside, limits.pixels)
-    size_mm = ratio * float(pixels.size_m * np.sqrt(pixels.share))
+    size_mm = ratio * pixels.rms_m
     shown = stand_out(pixels, limits)
     large = ratio * pixels.size_m > limits.pixels.own_mm and size_mm > little_mm
     out[OF_PIXELS] = Measured(size_mm, shown, shown and large and unstable(beside, limits))

@@ -46,6 +46,9 @@ DARK = 0.25
 """Share of the bins, the darkest, without which the light must be found again: grazing surfaces and weak light have noise of other causes."""
 CONFIRMED = 0.5
 """Least ratio of the light's variance without these bins to that with them. Sunlight in eleven sessions: 0.7 and more; a long pulse: 0.36."""
+WHOLE = 1.0
+"""Most of the camera's own noise beyond the law, in variances of the law, where it averages over whole neighbourhoods (`seen.detected`): there
+the law leaves 0.6 to 1.1 of the variance of two healthy cameras, and 2.5 times it would explain weak sunlight as well as light does."""
 CAP2 = 9.0
 """Largest squared misfit of a bin that counts in full, over the median's: beyond three standard deviations a bin holds edges."""
 
@@ -134,20 +137,20 @@ class Ambient(Effect):
         excess = bins.variance - predicted
         of_view = np.array([np.median((excess / predicted)[bins.view == v]) for v in np.unique(bins.view)])
         ratio = law.reference / bins.amplitude
-        own = _own_terms(bins, ratio, predicted, averages=session.averages)
+        own, most = _own_terms(law, bins, predicted, averages=session.averages)
         foreign = np.stack([bins.surroundings2 * ratio, ratio**2], axis=1)
-        either = np.concatenate([own, foreign], axis=1)
-        fitted = _fitted(either, excess, bins)
+        either, free = np.concatenate([own, foreign], axis=1), np.append(most, [np.inf, np.inf])
+        fitted = _fitted(either, excess, bins, free)
         light, model = foreign @ fitted[own.shape[1] :], either @ fitted
         share = float(np.median(light / predicted))
         if share < LEAST_EXCESS or (of_view > 0.5 * LEAST_EXCESS).mean() < LEAST_SHARE:
             return None
         if share < KNOWN * float(np.median(np.abs(excess - model) / bins.variance)):
             return None
-        if _misfit2(model, excess, bins) > BETTER * _misfit2(own @ _fitted(own, excess, bins), excess, bins):
+        if _misfit2(model, excess, bins) > BETTER * _misfit2(own @ _fitted(own, excess, bins, most), excess, bins):
             return None
         bright = bins.amplitude >= np.quantile(bins.amplitude, DARK)
-        again = foreign @ _fitted(either[bright], excess[bright], bins.of(bright))[own.shape[1] :]
+        again = foreign @ _fitted(either[bright], excess[bright], bins.of(bright), free)[own.shape[1] :]
         if np.median((again / predicted)[bright]) < CONFIRMED * np.median((light / predicted)[bright]):
             return None
         surface, uniform = np.sqrt(fitted[own.shape[1] :])
@@ -157,27 +160,31 @@ class Ambient(Effect):
         return Detection(effect, 0.95, note=f"noise {times:.1f} times that of the photon law in --sensor{or_own}")
 
 
-def _own_terms(bins: NoiseBins, ratio: Float, predicted: Float, *, averages: bool) -> Float:
-    """(n, k) the camera's own noise beyond its law: constant, as by pixel offsets; by less modulated light; the law times a factor.
+def _own_terms(law: PhotonLaw, bins: NoiseBins, predicted: Float, *, averages: bool) -> tuple[Float, Float]:
+    """(n, k) the camera's own noise beyond its law, and (k,) the largest coefficients.
 
-    A camera that averages takes in fewer neighbours the more the surface steps from pixel to pixel, and its noise is higher there: by the
-    square of range times the tangent of incidence.
+    Constant, as by pixel offsets; by less modulated light; the law times a factor. A camera that averages takes in fewer neighbours the
+    more the surface steps from pixel to pixel, and its noise is higher there: by the square of range times the tangent of incidence. Where
+    it averages over whole neighbourhoods, its other noise is not twice the law's.
     """
-    columns = [np.ones_like(ratio), ratio, predicted]
-    if averages:
-        columns.append(predicted * np.maximum(bins.surroundings2**2 / bins.range2 - bins.range2, 0.0))
-    return np.stack(columns, axis=1)
+    columns = [np.ones_like(predicted), law.reference / bins.amplitude, predicted]
+    if not averages:
+        return np.stack(columns, axis=1), np.full(3, np.inf)
+    columns.append(predicted * np.maximum(bins.surroundings2**2 / bins.range2 - bins.range2, 0.0))
+    return np.stack(columns, axis=1), np.array([np.inf, WHOLE * max(law.shot_m**2, 1e-14), WHOLE, np.inf])
 
 
-def _fitted(X: Float, excess: Float, bins: NoiseBins) -> Float:
-    """Non-negative coefficients by least squares on relative errors, without outlying bins."""
-    from scipy.optimize import nnls  # loads slowly, and only a fit needs it
+def _fitted(X: Float, excess: Float, bins: NoiseBins, most: Float) -> Float:
+    """Coefficients from 0 to `most` (k,) by least squares on relative errors, without outlying bins."""
+    from scipy.optimize import lsq_linear  # loads slowly, and only a fit needs it
 
     weight = np.sqrt(bins.samples / 2) / np.maximum(bins.variance, 1e-14)
+    scale = np.maximum(np.median(X, axis=0), 1e-30)
     keep: Mask = np.ones(len(excess), bool)
     c = np.zeros(X.shape[1])
     for _ in range(3):
-        c, _ = nnls(X[keep] * weight[keep, None], excess[keep] * weight[keep])
+        A = X[keep] / scale * weight[keep, None]
+        c = lsq_linear(A, excess[keep] * weight[keep], (0.0, most * scale), method="bvls").x / scale
         off = np.abs((excess - X @ c) / np.maximum(bins.variance, 1e-14))
         keep = off <= 4.0 * np.median(off[keep]) + 1e-12
     return np.asarray(c)

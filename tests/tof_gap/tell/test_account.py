@@ -14,9 +14,8 @@ from tof_gap.limits.foreign import ForeignLightLimits
 from tof_gap.limits.report import ReportLimits
 from tof_gap.seen.finding import Finding
 from tof_gap.solved import Named
-from tof_gap.tell.account import Account, Cause, of_own_light, unfounded, without_causes
+from tof_gap.tell.account import Account, Cause, unfounded, without_causes
 from tof_gap.tell.shrink import Errors, Shrink
-from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
@@ -89,23 +88,3 @@ def test_what_was_read_off_structure_is_no_name_beside_structure_without_one() -
     found = replace(account(0.9, wiggling=0.7), findings=(stripes, rows))
     assert found.names(causes=True) == {"wiggling", "interference", "noise"}
     assert found.names(causes=False) == {"noise"}
-
-
-def light(surface_m: float) -> Finding:
-    """Noise in excess of the photon law, of which some is by light off the surfaces."""
-    return Finding(Ambient(surface_m=surface_m, uniform_m=0.001, reference=1000.0), 0.95)
-
-
-def naming(effect: str) -> Any:
-    """A solution that names one effect."""
-    return SimpleNamespace(names=lambda name: name == effect)
-
-
-def test_noise_like_read_out_beside_an_amplitude_bias_is_of_charge_that_traps_hold_back() -> None:
-    assert of_own_light(light(0.0), naming("amplitude_bias"))
-    assert not of_own_light(light(0.002), naming("amplitude_bias")), "foreign light off the surfaces"
-    assert of_own_light(light(0.0), naming("multipath"))
-    assert of_own_light(light(0.0), naming("lens_scatter"))
-    assert not of_own_light(light(0.002), naming("multipath"))
-    assert not of_own_light(light(0.0), naming("wiggling"))
-    assert not of_own_light(Finding(Noise(extra_m=0.001), 0.95), naming("amplitude_bias"))
