@@ -188,9 +188,9 @@ class PixelLimits:
     own_mm: float = param(1.0, "noise of such pixels of their own", unit="mm", low=0.0, why="less over few pixels is a usual camera's")
     of_offsets: float = param(
         0.5,
-        "their noise RMS over the image, over constant offsets of single pixels, in a camera that averages",
+        "their noise RMS over the image, over constant offsets of single pixels",
         low=0.0,
-        why="neighbours that an average takes in by chance leave up to 0.7 of their offsets; 0.4 beside a pattern of 3 mm, 0.8 of unstable pixels",
+        why="neighbours that an average takes in by chance leave up to 0.7 of their offsets: 0.4 in two such cameras; 7 and 0.8 of unstable pixels",
     )
     around_px: int = param(
         16, "side of the squares whose pixels are compared", unit="px", low=4, high=256, why="a hundred pixels know their median to 10 %"

@@ -202,6 +202,13 @@ class SelectLimits:
         low=0.0,
         why="a healthy camera has errors of up to a millimetre: table, temperature, albedo",
     )
+    motion_mm: float = param(
+        0.6,
+        "the same of motion, unless the stamps are late",
+        unit="mm",
+        low=0.0,
+        why="at 0.15 m/s a frame of 30 ms, twice that of usual cameras; 0.73 beside late stamps, which leave errors that follow the velocity",
+    )
     named_freely: int = param(2, "number of effects up to which small ones are named", low=1, high=12, why="two causes are usual")
     neighbours: float = param(30.0, "drawn pixels that share one unmodelled error", low=1.0, why="such errors are some 15 pixels wide")
     chance: float = param(

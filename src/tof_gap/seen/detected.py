@@ -13,6 +13,7 @@ from tof_gap.seen.finding import Finding
 from tof_gap.seen.lit_places import lit_places
 from tof_gap.seen.photons import as_captures_differ, automatic_exposure, binned, code_step, fit_law, variance_of_mean
 from tof_gap.seen.session import session_of
+from tof_gap.seen.whole_average import wholly_averaged
 from tof_sensor.effects.ambient import Ambient
 from tof_sensor.registry import PHYSICAL_ORDER
 
@@ -21,14 +22,9 @@ if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
     from tof_gap.limits.seen import NoiseLimits
-    from tof_gap.seen.correlation import NoiseCorrelation
     from tof_gap.seen.residual import ViewEvidence
     from tof_sensor.effects.photon_law import PhotonLaw
-    from tof_sensor.session import NoiseBins, Session
-
-LEAST_GROWTH, MOST_GROWTH = 0.6, 2.0
-"""Growth of the variance from next neighbours to pixels two apart, over that of the whole session, where an average is whole: a bin of 2000
-differences knows its growth to a fifth."""
+    from tof_sensor.session import Session
 
 
 def detected_effects(
@@ -62,18 +58,6 @@ def judged(views: Sequence[ViewEvidence], limits: NoiseLimits, law: PhotonLaw | 
     many = law is not None and len(bins.view) >= limits.least_bins
     exposed = many and automatic_exposure(bins, fit_law(bins, code_step(views), limits), limits)
     return replace(session_of(views, limits, law=law), noise=whole, exposed=exposed)
-
-
-def wholly_averaged(bins: NoiseBins, correlation: NoiseCorrelation) -> NoiseBins:
-    """The bins whose pixels share noise with their neighbours as usual, if the camera averages over them.
-
-    Beside edges, lost pixels and noise beyond a filter's threshold an average takes in fewer neighbours. Noise is higher there, and next
-    neighbours share less of it. Creases and steps of the depth code grow faster with the distance of the samples than noise does.
-    """
-    if not correlation.correlated or bins.growth is None:
-        return bins
-    usual = (bins.growth - 1.0) / (correlation.growth - 1.0)
-    return bins.of((usual > LEAST_GROWTH) & (usual < MOST_GROWTH))
 
 
 def explained(views: Sequence[ViewEvidence], found: Sequence[Finding]) -> list[ViewEvidence]:

@@ -33,6 +33,7 @@ from tof_gap.seen.pixel_noise import halves_agree, noisy_pixels, pixel_pattern
 from tof_gap.seen.range_code import steps_along_ray
 from tof_gap.seen.repeated import repeated
 from tof_gap.seen.stripes import beat
+from tof_gap.seen.whole_average import wholly_averaged
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.quantization import Quantization
@@ -110,6 +111,8 @@ def noise_effects(
             found = wave.finding(views, float(np.median(b.amplitude)), limits.beat)
             if not repeated(views, found.common, limits.repeated):
                 return [found]
+    whole = wholly_averaged(b, near[0].correlation)
+    b = whole if len(whole.view) >= limits.least_bins else b
     b = of_one_capture(without_offsets(b, near), np.array([v.view.captures for v in views], float), step, limits)
     b = as_captures_differ(b, between_ratio(b) if law is None else law.between)
     fitted = None if dark else fit_law(b, step, limits)
@@ -241,15 +244,15 @@ def pixels_found(views: Sequence[ViewEvidence], limits: NoiseLimits) -> NoisyPix
     offsets = single_pixels(views)
     beside = beside_pixels(views, offsets)
     found = noisy_pixels(beside, limits.pixels)
-    return found if stand_out(found, limits) and unstable(beside, limits) and not by_offsets(found, offsets, views, limits) else None
+    return found if stand_out(found, limits) and unstable(beside, limits) and not by_offsets(found, offsets, limits) else None
 
 
-def by_offsets(pixels: NoisyPixels, offsets: PixelOffsets, views: Sequence[ViewEvidence], limits: NoiseLimits) -> bool:
-    """Whether constant offsets of pixels may make the noise of some of them: in a camera that averages, where the offsets are larger.
+def by_offsets(pixels: NoisyPixels, offsets: PixelOffsets, limits: NoiseLimits) -> bool:
+    """Whether constant offsets of pixels may make the noise of some of them: where the offsets are larger.
 
-    The average takes a neighbour with another offset in or leaves it out, from capture to capture.
+    A camera that averages takes a neighbour with another offset in or leaves it out, from capture to capture.
     """
-    return views[0].correlation.correlated and pixels.rms_m < limits.pixels.of_offsets * offsets.size_m
+    return pixels.rms_m < limits.pixels.of_offsets * offsets.size_m
 
 
 def stand_out(pixels: NoisyPixels, limits: NoiseLimits) -> bool:

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What noise and loss are read from, once the biases of the solution are taken off."""
+"""What a closed solution states: effects beyond a healthy camera's, and what noise and loss are read from."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tof_gap.limits.solve import SelectLimits
 from tof_gap.seen.residual import less, noise_again
+from tof_gap.solve.conclude import _small
 
 
 def test_columns_of_a_pattern_are_no_noise_once_they_are_taken_off() -> None:
@@ -18,3 +21,19 @@ def test_columns_of_a_pattern_are_no_noise_once_they_are_taken_off() -> None:
     for before, after, photons in zip(left, noise_again(left), quiet, strict=True):
         assert np.median(before.sigma) > 1.2 * np.median(photons.sigma)
         np.testing.assert_allclose(after.sigma, photons.sigma, rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("size_m", "late", "small"), [(0.7e-3, False, False), (0.7e-3, True, True), (1.1e-3, True, False), (0.5e-3, False, True)]
+)
+def test_motion_counts_from_six_tenths_of_a_millimetre_on_and_beside_late_stamps_from_one(
+    *, size_m: float, late: bool, small: bool
+) -> None:
+    maps = {"motion": [np.full((2, 2), size_m)], "wiggling": [np.full((2, 2), 0.9e-3)]}
+    found = _small({"motion": size_m, "wiggling": 0.9e-3}, maps, SelectLimits(), late=late)
+    assert found == ({"motion", "wiggling"} if small else {"wiggling"})
+
+
+def test_motion_that_makes_little_of_all_maps_is_small() -> None:
+    maps = {"motion": [np.full((2, 2), 2e-3)], "wiggling": [np.full((2, 2), 20e-3)]}
+    assert _small({"motion": 2e-3, "wiggling": 20e-3}, maps, SelectLimits(), late=False) == {"motion"}
