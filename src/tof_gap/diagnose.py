@@ -27,6 +27,7 @@ from tof_gap.tell.account import account, without_causes
 from tof_gap.tell.contradicted import TakenOut, taken_out
 from tof_gap.tell.diagnosis import Diagnosis, doubted
 from tof_gap.tell.explainable import explainable
+from tof_gap.tell.objects import unexplained_objects
 from tof_gap.tell.unexplained import look
 from tof_scene.world.words import described
 from tof_sensor.effects.fixed_pattern import FixedPattern
@@ -88,6 +89,7 @@ def diagnose(
     progress(FIRST)
     begun, along_ray = gate(views, caster, config, align, asked=RadialDepth.NAME not in left_out)
     check_enough(views, along_ray, config.solve.views)
+    recorded = begun.views
     world, begun = set_apart(begun, caster, config, align)
     progress(TOGETHER)
     joint, config, views, stray = solve_agreeing(begun, caster, config, frozenset(VOCABULARY) if few else left_out)
@@ -107,7 +109,7 @@ def diagnose(
         too_few(len(views)) if few else untested(found, config, stated.law) | dict(untestable),
         law_beside(found, config),
         config,
-        described(world, caster.scene),
+        described(unexplained_objects(world, recorded, found), caster.scene),
         stray,
     )
 

@@ -227,6 +227,7 @@ def test_bow_is_zero_at_the_centre_and_full_at_half_size() -> None:
 def test_a_displaced_part_is_stated_by_its_displacement_turn_and_bow() -> None:
     values = (0.0045, 0.0, 0.0045, 0.0, np.radians(0.5), 0.0, 0.0, -0.0021, 0.0)
     assert CadDeviation(values=values).stated == "displaced by 6.4 mm, turned by 0.5 degrees, bent by 2.1 mm"
+    assert CadDeviation(values=(0,) * 6 + (-0.07, 0.001, 0.01), bow_reach=(0.01, 1.0, 0.05)).stated == "bent by 1.0 mm", "a pipe, across"
     assert CadDeviation(values=(0.0003, 0, 0, 0, 0.001, 0, 0, 0, 0)).stated == ""
 
 

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from textwrap import dedent
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,8 +26,6 @@ from tof_sensor.model import SensorModel, load_model, save_model, simulate
 from tof_sensor.registry import EFFECTS, PHYSICAL_ORDER, VOCABULARY
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from tof_sensor.effect import Effect
 
 
@@ -125,3 +125,14 @@ def test_effects_of_parts_and_their_light_hold_in_their_own_scene_alone(tmp_path
 )
 def test_noise_and_loss_of_a_known_camera_are_expected_up_to_their_size(known: Effect, found: Effect, *, included: bool) -> None:
     assert SensorModel((known,)).stated.includes(found) is included
+
+
+def test_the_data_sheet_of_the_guide_is_a_photon_law(tmp_path: Path) -> None:
+    """docs/gap.md shows the file: noise of 4 mm at amplitude 800, half of its variance at twice the amplitude."""
+    guide = (Path(__file__).parents[2] / "docs" / "gap.md").read_text()
+    block = guide[guide.index("    schema: toftwin.sensor/1") :].split("\n\n")[0]
+    (tmp_path / "sensor.yaml").write_text(dedent(block) + "\n")
+    (law,) = load_model(tmp_path / "sensor.yaml").effects
+    assert isinstance(law, PhotonLaw)
+    around = np.ones(2)
+    np.testing.assert_allclose(law.variance(np.array([800.0, 1600.0]), around), [0.004**2 + 0.0005**2, 0.004**2 / 2 + 0.0005**2])

@@ -43,8 +43,9 @@ def failed_unwrapping(views: Sequence[ViewEvidence], holes: Sequence[Mask], limi
     note = (
         f"the camera's filter removed {in_percent(float(gone.mean()))} of the pixels, around outliers in weak light; their jump is not seen"
     )
+    size = f"by a step that is not seen, since the camera removes such pixels: {in_percent(float(gone.mean()))} of all"
     # An effect outside the vocabulary may make outliers, too.
-    return Finding(PhaseWrap(start_m=start, share=share), LOSS_CONFIDENT, note=note, structure=True)
+    return Finding(PhaseWrap(start_m=start, share=share), LOSS_CONFIDENT, note=note, size=size, structure=True)
 
 
 def filtered(views: Sequence[ViewEvidence], limits: MissingLimits) -> list[Mask]:
@@ -97,11 +98,14 @@ def chance_dimmer(views: Sequence[ViewEvidence], inside: Sequence[Mask], gone: S
 
 
 def _noise_may_reach(views: Sequence[ViewEvidence], holes: Sequence[Mask], limits: MissingLimits) -> bool:
-    """Whether noise at the rims is as large as the steps that the filter must pass: a surface at `lost_grazing_deg` over a neighbourhood."""
+    """Whether noise at the rims is as large as the steps that the filter must pass: a surface at `lost_grazing_deg` over a neighbourhood.
+
+    The filter sees the noise of single captures.
+    """
     sigma, passed = [], []
     for v, h in zip(views, holes, strict=True):
         rim = v.smooth & binary_dilation(h, NEIGHBOURS, iterations=2)
-        sigma.append(v.sigma[rim])
+        sigma.append(np.sqrt(v.view.captures) * v.sigma[rim])
         passed.append(2 * v.frame.depth[rim] * v.view.camera.pixel_angle * np.tan(np.radians(limits.lost_grazing_deg)))
     s, p = np.concatenate(sigma), np.concatenate(passed)
     return not len(s) or float(np.median(limits.filter.noise_sigma * s / p)) > 1.0

@@ -174,6 +174,7 @@ def _pose(d: Diagnosis) -> dict[str, Any]:
         ],
         "hand_eye": {"xyz_m": X[:3].tolist(), "rotvec_deg": np.degrees(X[3:]).tolist()},
         "arm_rms": {"mm": arm_mm, "deg": arm_deg},
+        "arm_prior": dict(zip(("mm", "deg"), arm_prior(d), strict=True)),
     }
 
 
@@ -181,6 +182,12 @@ def arm_errors(d: Diagnosis) -> tuple[float, float]:
     """Errors of the arm from view to view, RMS: mm and degrees."""
     arm = np.array([se3.log(A) for A in d.chain.arm])
     return 1e3 * _rms(arm[:, :3]), float(np.degrees(_rms(arm[:, 3:])))
+
+
+def arm_prior(d: Diagnosis) -> tuple[float, float]:
+    """RMS of the errors that the robot's prior expects of the arm: mm and degrees; length over three axes, as of `arm_errors`."""
+    priors = d.chain.priors
+    return float(np.sqrt(3.0) * priors.arm_mm), float(np.sqrt(3.0) * priors.arm_deg)
 
 
 def _rms(v: Float) -> float:

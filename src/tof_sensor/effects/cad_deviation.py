@@ -36,6 +36,7 @@ class CadDeviation(FieldEffect):
 
     `values`: translation (3) m, rotation about `centre` (3) rad, then bow (3) in metres at one
     half-size from the centre: u^2, v^2 and u v along `normal`, u and v across it. Cell frame.
+    `bow_reach`: how far the seen surface reaches of u^2, v^2 and |u v|, 98 % quantiles: a pipe is narrow across.
     """
 
     NAME: ClassVar[str] = "cad_deviation"
@@ -58,12 +59,13 @@ class CadDeviation(FieldEffect):
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
     half_size_m: float = param(0.1, "half of the part's largest side", unit="m", low=1e-4)
+    bow_reach: tuple[float, ...] = (1.0,) * BOW
 
     @property
     def stated(self) -> str:
         """Displacement of the part's middle, turn about it, and bow, as far as the views show them; without what is too small to be read."""
         values = np.asarray(self.values, float)
-        moved_mm, bent_mm = 1e3 * float(np.linalg.norm(values[:3])), 1e3 * float(np.abs(values[RIGID:]).max())
+        moved_mm, bent_mm = 1e3 * float(np.linalg.norm(values[:3])), 1e3 * float(np.abs(values[RIGID:] * self.bow_reach).max())
         turned_deg = float(np.degrees(np.linalg.norm(values[3:RIGID])))
         says = [
             f"displaced by {moved_mm:.1f} mm" if moved_mm >= STATED_MM else "",
@@ -124,12 +126,14 @@ class CadDeviation(FieldEffect):
         low, high = np.quantile(points, [0.02, 0.98], axis=0)
         mean = normals.mean(axis=0)
         normal = mean if np.linalg.norm(mean) > 0.1 else np.array([0.0, 0.0, 1.0])
-        return cls(
+        made = cls(
             part=part,
             centre=_triple(0.5 * (low + high)),
             normal=_triple(normal / np.linalg.norm(normal)),
             half_size_m=float(max(0.5 * (high - low).max(), 1e-3)),
         )
+        _, bow, _ = made._shape(points)
+        return replace(made, bow_reach=_triple(np.quantile(np.abs(bow), 0.98, axis=0)))
 
 
 def _triple(v: Float) -> tuple[float, float, float]:

@@ -184,7 +184,7 @@ def meaning_of(verdict: Sequence[str]) -> str:
 def summary(d: Diagnosis) -> str:
     """Summary of the diagnosis for a terminal."""
     from tof_gap.seen.finding import not_expected
-    from tof_gap.tell.report import arm_errors
+    from tof_gap.tell.report import arm_errors, arm_prior
     from tof_gap.tell.words import expected_words, interval, percent, spaced, unexplained_words, where_to_look
     from tof_scene.world.words import lines as world_lines
     from tof_scene.world.words import of_views
@@ -209,7 +209,8 @@ def summary(d: Diagnosis) -> str:
     lines += [f"  {f.name}: confidence {f.confidence:.2f}" + (f", {f.note}" if f.note and not f.size else "") for f in found]
     lines += expected_words(d.findings)
     if d.chain.root is None:
-        lines.append("errors of the arm from view to view: {:.1f} mm and {:.2f} degrees RMS".format(*arm_errors(d)))
+        expected = " (expected of this robot, align.priors.arm_mm and arm_deg: {:.1f} mm and {:.2f} degrees)".format(*arm_prior(d))
+        lines.append("errors of the arm from view to view: {:.1f} mm and {:.2f} degrees RMS".format(*arm_errors(d)) + expected)
     if d.unexplained.structured:
         left = unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes))
         suspects = [spaced(c.named.name) for c in d.causes if d.suspected(c)]

@@ -14,7 +14,7 @@ from scipy.stats import mannwhitneyu
 from tests.tof_gap.quiet_views import SHAPE, views
 from tof_core.reasons import Reason
 from tof_gap.limits.missing import MissingLimits
-from tof_gap.seen.filtered import chance_dimmer, filtered
+from tof_gap.seen.filtered import chance_dimmer, failed_unwrapping, filtered
 from tof_gap.seen.missing import missing_effects
 from tof_sensor.effects.phase_wrap import SINGLE_PIXELS, PhaseWrap
 from tof_sensor.frame import lambert_amplitude
@@ -82,6 +82,18 @@ def test_large_holes_at_any_light_are_dropout() -> None:
 
 def test_noise_that_reaches_what_a_filter_lets_pass_is_no_failed_unwrapping() -> None:
     assert names(session(outliers_in_weak_light, sigma=5.0)) == []
+
+
+def test_the_filter_sees_the_noise_of_single_captures() -> None:
+    """Nine captures leave a third of their noise in the mean: it is not the mean's that the filter's limit stops."""
+    of_nine = [replace(v, view=replace(v.view, captures=9)) for v in session(outliers_in_weak_light, sigma=2.0)]
+    assert names(session(outliers_in_weak_light, sigma=2.0)) == ["phase_wrap"]
+    assert failed_unwrapping(of_nine, filtered(of_nine, LIMITS), LIMITS) is None
+
+
+def test_a_step_that_the_filter_hides_is_not_stated_in_metres() -> None:
+    (found,) = missing_effects(session(outliers_in_weak_light), LIMITS)
+    assert "step that is not seen" in found.size
 
 
 def test_a_filter_s_holes_are_no_dropout_where_phase_wrap_is_left_out() -> None:
