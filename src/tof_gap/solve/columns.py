@@ -69,7 +69,7 @@ class Design:
 
 
 class ColumnStore:
-    """Columns by view and effect, kept while the reference poses stay."""
+    """Columns by view and effect, kept while the reference poses stay; what a copy computes is freed with the copy."""
 
     def __init__(self, views: Sequence[ViewEvidence], folds: Ints) -> None:
         """An empty store; folds (V,): fold of each view in the selection."""
@@ -90,7 +90,7 @@ class ColumnStore:
             self._lines = line_means_of_others(self.views, self._folds)
             self._areas = area_maps_of_others(self.views, self._folds)
         by_view = in_threads(lambda v: [self._columns(c, v).astype(np.float32) for c in missing.values()], range(len(self.views)))
-        self._kept |= dict(zip(missing, map(list, zip(*by_view, strict=True)), strict=True))
+        self._kept = self._kept | dict(zip(missing, map(list, zip(*by_view, strict=True)), strict=True))
         return [self._kept[c.source] for c in tested]
 
     def _columns(self, candidate: Candidate, v: int) -> Float:

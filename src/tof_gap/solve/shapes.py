@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -55,7 +56,8 @@ def _best_shape(
         return effect
     near_by = [replace(effect, **{finer.parameter: float(x)}) for x in finer.near(value)]
     trial = [Candidate(e.NAME, e) for e in near_by]
-    judge = Selector(build(store, [*others, *trial], chain, config.hand_sd, config.lens_sd), config.select)
+    # A hundred shapes are tried and one is used: those of a long session would take half a gigabyte beside the store's own.
+    judge = Selector(build(copy(store), [*others, *trial], chain, config.hand_sd, config.lens_sd), config.select)
     base = list(range(len(others)))
     shaped = judge.beside(base, len(base), inflate)
     scores = [shaped(len(others) + i).score for i in range(len(trial))]
