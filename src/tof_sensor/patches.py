@@ -52,11 +52,12 @@ class Patches:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Exchange:
-    """Pairs (k,) of visible patches: `receiver` gets `factor` times the radiosity of `sender`, over a path of `length` metres."""
+    """Pairs (k,) of patches that see each other over a path of `length` metres: `other` gets `forth` times the radiosity of `one`, which gets `back` times that of `other`."""
 
-    sender: Indices
-    receiver: Indices
-    factor: Float
+    one: Indices
+    other: Indices
+    forth: Float
+    back: Float
     length: Float
 
 
@@ -88,29 +89,30 @@ def exchange_of(patches: Patches, T_cell_camera: Float, caster: Raycaster) -> Ex
     """The pairs of patches that see each other; no patch receives more than the whole radiosity."""
     one, other = facing_pairs(patches.point, patches.normal, patches.point, patches.normal, each_once=True)
     free = unobstructed(patches.point, patches.normal, patches.point, one, other, T_cell_camera, caster)
-    return Exchange(*_exchanged(patches.point, patches.normal, patches.area, one[free], other[free]))
+    one, other = one[free], other[free]
+    return Exchange(one, other, *_exchanged(patches.point, patches.normal, patches.area, one, other))
 
 
 @njit(cache=True, nogil=True)
-def _exchanged(point: Float, normal: Float, area: Float, one: Indices, other: Indices) -> tuple[Indices, Indices, Float, Float]:
-    """Sender, receiver, factor and length of each pair (k,), in one direction and then in the other (2 k,)."""
-    k, whole = len(one), np.zeros(len(area))
-    sender, receiver = np.concatenate((one, other)), np.concatenate((other, one))
-    factor, length = np.empty(2 * k), np.empty(2 * k)
-    for i in range(k):
+def _exchanged(point: Float, normal: Float, area: Float, one: Indices, other: Indices) -> tuple[Float, Float, Float]:
+    """The share of light from `one` that `other` gets, the reverse, and the length of the path, each (k,)."""
+    whole = np.zeros(len(area))
+    forth, back, length = np.empty(len(one)), np.empty(len(one)), np.empty(len(one))
+    for i in range(len(one)):
         a, b = one[i], other[i]
         x, y, z = point[b, 0] - point[a, 0], point[b, 1] - point[a, 1], point[b, 2] - point[a, 2]
         d2 = x * x + y * y + z * z
         leaving = x * normal[a, 0] + y * normal[a, 1] + z * normal[a, 2]
         arriving = -(x * normal[b, 0] + y * normal[b, 1] + z * normal[b, 2])
-        length[i] = length[k + i] = np.sqrt(d2)
-        factor[i] = leaving * arriving / d2 * area[a] / (np.pi * d2 + area[a])
-        factor[k + i] = leaving * arriving / d2 * area[b] / (np.pi * d2 + area[b])
-        whole[b] += factor[i]
-        whole[a] += factor[k + i]
-    for i in range(2 * k):
-        factor[i] /= max(whole[receiver[i]], 1.0)
-    return sender, receiver, factor, length
+        length[i] = np.sqrt(d2)
+        forth[i] = leaving * arriving / d2 * area[a] / (np.pi * d2 + area[a])
+        back[i] = leaving * arriving / d2 * area[b] / (np.pi * d2 + area[b])
+        whole[b] += forth[i]
+        whole[a] += back[i]
+    for i in range(len(one)):
+        forth[i] /= max(whole[other[i]], 1.0)
+        back[i] /= max(whole[one[i]], 1.0)
+    return forth, back, length
 
 
 def emitted(patches: Patches, exchange: Exchange, albedo: Float, waves_per_m: float) -> Complex:
@@ -124,22 +126,23 @@ def emitted(patches: Patches, exchange: Exchange, albedo: Float, waves_per_m: fl
     """
     own = albedo[patches.part]
     fresh = own * patches.solid_angle / patches.area * np.exp(1j * waves_per_m * patches.range_m)
-    total = _bounced(exchange.sender, exchange.receiver, exchange.factor, exchange.length, own, fresh, waves_per_m)
+    total = _bounced(exchange.one, exchange.other, exchange.forth, exchange.back, exchange.length, own, fresh, waves_per_m)
     return np.asarray(total * patches.area / np.pi)
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def _bounced(sender: Indices, receiver: Indices, factor: Float, length: Float, own: Float, fresh: Complex, waves: float) -> Complex:
+def _bounced(one: Indices, other: Indices, forth: Float, back: Float, length: Float, own: Float, fresh: Complex, waves: float) -> Complex:
     """(n,) light of each patch after all bounces, from that which the lamp lights, `fresh` (n,)."""
-    real, imag = np.empty(len(factor)), np.empty(len(factor))
-    for i in range(len(factor)):
-        cosine, sine = turned(waves * length[i])
-        real[i], imag[i] = factor[i] * cosine, factor[i] * sine
+    real, imag = np.empty(len(length)), np.empty(len(length))
+    for i in range(len(length)):
+        real[i], imag[i] = turned(waves * length[i])
     total = fresh.copy()
     for _ in range(BOUNCES - 1):
         got = np.zeros(len(own), np.complex128)
-        for i in range(len(factor)):
-            got[receiver[i]] += complex(real[i], imag[i]) * fresh[sender[i]]
+        for i in range(len(length)):
+            a, b, way = one[i], other[i], complex(real[i], imag[i])
+            got[b] += forth[i] * way * fresh[a]
+            got[a] += back[i] * way * fresh[b]
         fresh = own * got
         total += fresh
     return total
