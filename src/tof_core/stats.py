@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -79,6 +79,15 @@ def by_group(values: Float, group: Ints, groups: int) -> list[Float]:
     """The samples (n,) of each of some groups, by the group of each (n,)."""
     order = np.argsort(group.astype(np.min_scalar_type(groups)), kind="stable")  # One or two bytes are sorted by counting.
     return np.split(values[order], np.cumsum(np.bincount(group, minlength=groups))[:-1])
+
+
+def joined(parts: Iterable[Float], most: int) -> Float:
+    """(n,) the parts one after the other in single precision, n at most `most`: of a long session's pixels, no two copies at once."""
+    out, end = np.empty(most, np.float32), 0
+    for part in parts:
+        start, end = end, end + len(part)
+        out[start:end] = part
+    return cast("Float", out[:end])
 
 
 def beside(basis: Float, values: Float) -> Float:

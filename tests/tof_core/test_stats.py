@@ -17,6 +17,7 @@ from tof_core.stats import (
     group_medians,
     grouped,
     hats,
+    joined,
     pairs_below,
     robust_std,
     robust_stds,
@@ -35,6 +36,12 @@ def test_robust_std_of_five_numbers_and_of_none() -> None:
     assert robust_std([1.0, 2.0, 3.0, 4.0, 100.0]) == pytest.approx(1.4826 * 1.0)
     assert robust_std([1.0, 2.0, 3.0, 4.0, 100.0], centre=0.0) == pytest.approx(1.4826 * 3.0)
     assert robust_std([]) == 0.0
+
+
+def test_parts_are_joined_in_single_precision_and_may_be_fewer_than_expected() -> None:
+    one = joined(iter([np.array([1.0, 2.0]), np.zeros(0), np.array([0.1])]), 5)
+    assert one.tolist() == [1.0, 2.0, float(np.float32(0.1))]
+    assert len(joined([], 0)) == 0
 
 
 def test_robust_stds_of_columns() -> None:

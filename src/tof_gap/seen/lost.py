@@ -4,15 +4,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.ndimage import binary_dilation, binary_fill_holes, label, uniform_filter
 
 from tof_core.reasons import Reason
+from tof_core.stats import joined
 from tof_gap.seen.finding import LOSS_CONFIDENT, Finding
 from tof_gap.seen.loss import GoesWith, curve, loss_of
-from tof_gap.seen.lost_on_part import neighbours_span, own_light, worst_part
+from tof_gap.seen.lost_on_part import may_lose, neighbours_span, own_light, worst_part
+from tof_gap.seen.residual import single
 from tof_gap.seen.session import amplitude_unit
 from tof_gap.seen.shadow import shadowed
 from tof_sensor.effects.dropout import Dropout
@@ -98,7 +101,7 @@ class Losses(NamedTuple):
     @property
     def gone(self) -> Float:
         """(n,) shares of the pixels inside, one view after the other."""
-        return np.concatenate([g[i] for g, i in zip(self.share, self.inside, strict=True)])
+        return joined((g[i] for g, i in zip(self.share, self.inside, strict=True)), sum(int(i.sum()) for i in self.inside))
 
 
 def losses_of(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequence[Mask] | None = None) -> Losses:
@@ -107,7 +110,7 @@ def losses_of(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Se
     inside = [expected(v, limits) for v in views]
     if filtered is not None:
         inside = [i & ~f for i, f in zip(inside, filtered, strict=True)]
-    return Losses(inside, [lost(v, limits, too_bright) for v in views], too_bright)
+    return Losses(inside, [single(lost(v, limits, too_bright)) for v in views], too_bright)
 
 
 def dropout(
@@ -126,19 +129,32 @@ def dropout(
     part = np.concatenate([v.rendering.part[i] for v, i in zip(views, inside, strict=True)])
     of_image = amplitude_unit(views)
     unit = 1.0 if of_image is None else of_image
-    light = np.concatenate([unit * lambert_amplitude(v.rendering)[i] for v, i in zip(views, inside, strict=True)])
-    seen = np.concatenate([_amplitude(v)[i] for v, i in zip(views, inside, strict=True)])
+
+    def of_all(image: Callable[[ViewEvidence], Float]) -> Float:
+        """(n,) of the pixels inside."""
+        return joined((image(v)[i] for v, i in zip(views, inside, strict=True)), len(gone))
+
+    def by_cad(v: ViewEvidence) -> Float:
+        return unit * lambert_amplitude(v.rendering)
+
     if gone.mean() < limits.lost_share:
-        spans = np.concatenate([neighbours_span(v, limits)[i] for v, i in zip(views, inside, strict=True)])
-        view = np.repeat(np.arange(len(views)), [int(i.sum()) for i in inside])
-        if worst_part(gone, part, view, own_light(seen, light, part, limits), spans, losses.too_bright, limits) < limits.lost_on_part:
+        if not may_lose(gone, part, limits):
             return None
-    radial = np.concatenate([v.frame.radial[i] for v, i in zip(views, inside, strict=True)])
-    loss = loss_of(gone, seen, light, radial, part, limits.loss)
+        own = own_light(of_all(_amplitude), of_all(by_cad), part, limits)
+        spans = of_all(lambda v: neighbours_span(v, limits))
+        view = np.repeat(np.arange(len(views), dtype=np.int16), [int(i.sum()) for i in inside])
+        if worst_part(gone, part, view, own, spans, losses.too_bright, limits) < limits.lost_on_part:
+            return None
+        del own, spans, view
+    light, seen = of_all(by_cad), of_all(_amplitude)
+    loss = loss_of(gone, seen, light, of_all(lambda v: v.frame.radial), part, limits.loss)
     random = float(gone[light > np.median(light)].mean())
-    share = np.stack(
-        [np.where(v.frame.valid, _rate(v, own, unit, light, gone, limits), np.nan) for v, own in zip(views, losses.share, strict=True)]
+    edges, rates = _by_light(light, gone, limits)
+    predicted = (
+        (v, _rate(v, own, rates[np.searchsorted(edges, by_cad(v), side="right")], limits))
+        for v, own in zip(views, losses.share, strict=True)
     )
+    share = np.stack([single(np.where(v.frame.valid, rate, np.nan)) for v, rate in predicted])
     half = _lost_below(light, gone, limits.half_lost, limits)
     threshold, steepness = curve(light, gone) if loss.goes_with is GoesWith.LIGHT else (half, Dropout().steepness)
     effect = Dropout(threshold, steepness, min(random, 1.0))
@@ -160,8 +176,9 @@ def _too_weak(views: Sequence[ViewEvidence], loss: Dropout, law: PhotonLaw | Non
 
 def least_light(views: Sequence[ViewEvidence], limits: MissingLimits, losses: Losses) -> float:
     """Amplitude of the CAD (albedo 1, head-on from 1 m: 1) above which pixels away from edges return; 0 where loss does not follow light."""
-    light = np.concatenate([lambert_amplitude(v.rendering)[i] for v, i in zip(views, losses.inside, strict=True)])
-    return _lost_below(light, losses.gone, limits.dark_lost, limits) if len(light) else 0.0
+    gone = losses.gone
+    light = joined((lambert_amplitude(v.rendering)[i] for v, i in zip(views, losses.inside, strict=True)), len(gone))
+    return _lost_below(light, gone, limits.dark_lost, limits) if len(light) else 0.0
 
 
 def _amplitude(view: ViewEvidence) -> Float:
@@ -177,22 +194,25 @@ def _of_median(threshold: float, light: Float, *, known: bool) -> str:
     return f"half are lost at {threshold / float(np.median(light)):.2g} of the median amplitude{unit}"
 
 
-def _rate(view: ViewEvidence, lost_here: Float, unit: float, light: Float, gone: Float, limits: MissingLimits) -> Float:
-    """(H, W) predicted share of loss: mean of the shares at this amplitude and in this neighbourhood; unit: amplitude of albedo 1 at 1 m."""
+def _by_light(light: Float, gone: Float, limits: MissingLimits) -> tuple[Float, Float]:
+    """Amplitudes (b - 1,) between bins of equal numbers of pixels, and the share of loss in each bin (b,); light, gone (n,)."""
     edges = np.unique(np.quantile(light, np.linspace(0, 1, limits.lost_bins + 1)))
-    which = np.clip(np.searchsorted(edges, light, side="right") - 1, 0, len(edges) - 2)
-    by_light = np.bincount(which, gone, len(edges) - 1) / np.maximum(np.bincount(which, minlength=len(edges) - 1), 1)
-    own = by_light[np.clip(np.searchsorted(edges, unit * lambert_amplitude(view.rendering), side="right") - 1, 0, len(edges) - 2)]
+    which, bins = np.searchsorted(edges[1:-1], light, side="right"), max(len(edges) - 1, 1)
+    return edges[1:-1], np.bincount(which, gone, bins) / np.maximum(np.bincount(which, minlength=bins), 1)
+
+
+def _rate(view: ViewEvidence, lost_here: Float, by_light: Float, limits: MissingLimits) -> Float:
+    """(H, W) predicted share of loss: mean of the shares at this amplitude, `by_light` (H, W), and in this neighbourhood."""
     inside = expected(view, limits).astype(float)
     cover = np.maximum(uniform_filter(inside, limits.near_px), LEAST_COVER)
-    return np.asarray(0.5 * (own + uniform_filter(lost_here, limits.near_px) / cover))
+    return np.asarray(0.5 * (by_light + uniform_filter(lost_here, limits.near_px) / cover))
 
 
 def _lost_below(light: Float, gone: Float, share: float, limits: MissingLimits) -> float:
     """Amplitude below which more than this share of the pixels is lost; 0 where loss does not follow amplitude."""
     bins = limits.half_bins
     edges = np.quantile(light, np.linspace(0, 1, bins + 1))
-    which = np.clip(np.searchsorted(edges, light, side="right") - 1, 0, bins - 1)
-    rate = np.array([gone[which == b].mean() if (which == b).any() else 0.0 for b in range(bins)])
+    within = ((light >= low) & (light < high) for low, high in pairwise([-np.inf, *edges[1:-1], np.inf]))
+    rate = np.array([gone[these].mean() if these.any() else 0.0 for these in within])
     dark = np.flatnonzero(rate > share)
     return float(edges[dark.max() + 1]) if len(dark) else 0.0

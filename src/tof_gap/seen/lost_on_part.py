@@ -15,6 +15,19 @@ if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
 
 
+def may_lose(gone: Float, part: Ints, limits: MissingLimits) -> bool:
+    """Whether any part may lose `lost_on_part` of its pixels, if as many as possible of the others are among the session's darkest.
+
+    Most sessions end here, before the light of all their pixels is computed. Arguments as of `worst_part`.
+    """
+    for number in range(int(part.max(initial=-1)) + 1):
+        mine = part == number
+        least = max(int(mine.sum()) - limits.weakest * len(part), limits.part_pixels)
+        if float(gone[mine].sum()) >= limits.lost_on_part * least:
+            return True
+    return False
+
+
 def own_light(seen: Float, light: Float, part: Ints, limits: MissingLimits) -> Float:
     """(n,) amplitude of each pixel: measured, or predicted by the CAD with the albedo that other pixels of the part show.
 
@@ -27,11 +40,14 @@ def own_light(seen: Float, light: Float, part: Ints, limits: MissingLimits) -> F
         limits: number of pixels that determine an albedo.
     """
     known = (seen > 0) & (light > 0)
-    out = light.copy()
-    for number in np.flatnonzero(np.bincount(part[known]) >= limits.albedo_pixels):
+    out = np.where(known, seen, light)
+    for number in range(int(part.max(initial=-1)) + 1):  # No counts of all parts at once: these take eight bytes a pixel.
         mine = part == number
-        out[mine] *= np.median(seen[known & mine] / light[known & mine])
-    return np.where(known, seen, out)
+        both = known & mine
+        if both.sum() >= limits.albedo_pixels:
+            ratio = seen[both] / light[both]
+            out[mine & ~known] *= np.median(ratio, overwrite_input=True)
+    return out
 
 
 def neighbours_span(view: ViewEvidence, limits: MissingLimits) -> Float:
@@ -49,6 +65,8 @@ def neighbours_span(view: ViewEvidence, limits: MissingLimits) -> Float:
 def worst_part(gone: Float, part: Ints, view: Ints, light: Float, spans: Float, too_bright: float, limits: MissingLimits) -> float:
     """Largest share of its pixels that any part loses, also without the view that loses most of them: two views must show the loss.
 
+    Parts that lose less than `lost_on_part` are not looked at.
+
     Not counted are: parts with few pixels; pixels among the darkest of the session, of which every camera loses some; parts whose
     brightest pixels are lost at amplitudes that saturate others of this session; and parts whose slope and noise a filter does not pass,
     if amplitude does not separate their lost pixels from the measured ones.
@@ -64,11 +82,11 @@ def worst_part(gone: Float, part: Ints, view: Ints, light: Float, spans: Float, 
     """
     usual = light > np.quantile(light, limits.weakest)
     worst = 0.0
-    for number in np.flatnonzero(np.bincount(part) >= limits.part_pixels):
+    for number in range(int(part.max(initial=-1)) + 1):
         mine = (part == number) & usual
-        away, kept = mine & (gone > 0.5), mine & (gone <= 0.5)
-        if mine.sum() < limits.part_pixels:
+        if mine.sum() < limits.part_pixels or gone[mine].mean() < limits.lost_on_part:
             continue
+        away, kept = mine & (gone > 0.5), mine & (gone <= 0.5)
         if away.any() and kept.any():
             brighter = pairs_below(np.sort(light[kept]), light[away]) / (int(kept.sum()) * int(away.sum()))
             if brighter > limits.brighter and float(np.median(light[away])) > too_bright:

@@ -36,8 +36,8 @@ def session_of(views: Sequence[ViewEvidence], noise: NoiseLimits, scene: Scene |
 
 def amplitude_unit(views: Sequence[ViewEvidence]) -> float | None:
     """Amplitude of albedo 1 at normal incidence and 1 m, in the camera's unit: median over the views; None without an amplitude image."""
-    lit = [(v.view.amplitude, lambert_amplitude(v.rendering)) for v in views]
-    gains = [amplitude_gain(seen.astype(np.float64), own) for seen, own in lit if seen is not None]
+    lit = ((v.view.amplitude, v.rendering) for v in views)
+    gains = [amplitude_gain(seen.astype(np.float64), lambert_amplitude(r)) for seen, r in lit if seen is not None]
     known = [g for g in gains if g is not None]
     return float(np.median(known)) if known else None
 

@@ -10,7 +10,7 @@ import pytest
 
 from tests.tof_gap.quiet_views import views
 from tof_gap.limits.missing import MissingLimits
-from tof_gap.seen.lost_on_part import neighbours_span, own_light, worst_part
+from tof_gap.seen.lost_on_part import may_lose, neighbours_span, own_light, worst_part
 
 LIMITS = MissingLimits()
 PART = np.repeat([0, 1], [20_000, 2000])
@@ -34,6 +34,18 @@ def test_the_worst_part_is_the_one_that_loses_the_largest_share() -> None:
     light = rng(5).uniform(90, 110, len(PART))
     assert worst_part(lost_on_the_part(0.2), PART, VIEW, light, FLAT, np.inf, LIMITS) == pytest.approx(0.2, abs=0.03)
     assert worst_part(np.zeros(len(PART)), PART, VIEW, light, FLAT, np.inf, LIMITS) == 0.0
+
+
+@pytest.mark.parametrize(("share", "may"), [(0.2, True), (0.06, True), (0.001, False), (0.0, False)])
+def test_few_lost_pixels_end_the_search(share: float, *, may: bool) -> None:
+    assert may_lose(lost_on_the_part(share), PART, LIMITS) is may
+
+
+def test_a_part_of_which_most_may_be_among_the_darkest_is_looked_at() -> None:
+    """900 of 50,000 pixels, of which 30 are lost: the darkest fiftieth may hold the others."""
+    part = np.repeat([0, 1], [49_100, 900])
+    gone = np.where(np.arange(len(part)) >= len(part) - 30, 1.0, 0.0)
+    assert may_lose(gone, part, LIMITS)
 
 
 def test_loss_that_one_view_alone_shows_is_not_the_parts() -> None:
