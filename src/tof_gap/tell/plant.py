@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter
 
 from tof_core.shares import in_percent
-from tof_core.stats import touched
+from tof_core.stats import joined, touched
 from tof_gap.seen.finding import not_expected
 from tof_gap.tell.unexplained import by_part
 from tof_gap.tell.words import listed, spaced
@@ -150,7 +150,7 @@ def course_of(d: Diagnosis) -> Course:
 
 def where(d: Diagnosis, maps: Sequence[Float], scene: Scene) -> str:
     """The parts that carry most of maps (H, W) of metres, one per view."""
-    energy = by_part(d.evidence, [np.nan_to_num(m) ** 2 for m in maps], len(scene.parts))
+    energy = by_part(d.evidence, (np.nan_to_num(m) ** 2 for m in maps), len(scene.parts))
     order = np.argsort(-energy, kind="stable")
     carried = np.cumsum(energy[order]) / max(float(energy.sum()), 1e-18)
     count = int(np.searchsorted(carried, CARRIED)) + 1
@@ -167,7 +167,7 @@ def acts(size_m: float, maps: Sequence[Float]) -> str:
 def _covered(maps: Sequence[Float]) -> float:
     """Share of the pixels of maps (H, W) that are touched, or most of whose neighbours are: a pattern also acts where its sign changes."""
     known = [np.isfinite(m) for m in maps]
-    hit = touched(np.concatenate([m[k] for m, k in zip(maps, known, strict=True)]))
+    hit = touched(joined((m[k] for m, k in zip(maps, known, strict=True)), sum(m.size for m in maps)))
     covered = 0
     for k, own in zip(known, np.split(hit, np.cumsum([k.sum() for k in known])[:-1]), strict=True):
         on = np.zeros(k.shape)
@@ -179,8 +179,8 @@ def _covered(maps: Sequence[Float]) -> float:
 
 def cost(d: Diagnosis, maps: Sequence[Float]) -> str:
     """Error by maps (H, W) of metres that one pixel in twenty exceeds; where fewer are affected, the share of pixels off by `MATTERS_M`, and how far."""
-    seen = [np.abs(m)[np.isfinite(r) & np.isfinite(m)] for m, r in zip(maps, d.residual, strict=True)]
-    error = np.concatenate(seen) if seen else np.zeros(0)
+    seen = (np.abs(m)[np.isfinite(r) & np.isfinite(m)] for m, r in zip(maps, d.residual, strict=True))
+    error = joined(seen, sum(m.size for m in maps))
     if not error.size:
         return ""
     worst = float(np.quantile(error, WORST))

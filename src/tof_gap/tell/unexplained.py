@@ -99,13 +99,12 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     depends_on = (*solved.depends_on, *_signs(found, limit, missing))
     gone = _lost_pixels(found, len(scene.parts), missing)
     least_mm = limit.alone_mm if all(EFFECTS[name].EXACT for name in solved.maps) else limit.mm
-    a_gap = before2 > limit.mm**2
     # The noise of rows and stripes is uneven over parts: beside it no part is judged by itself. Coarse maps err on parts most.
     off = np.zeros(len(scene.parts), bool)
     if not figures.alike_m:
         before = block_means(views, residual, noise2, limits.block_px, limit.block_pixels)
         off = off_parts(means, before, len(scene.parts), len(views), limit, max(least_mm * 1e-3, rough_m(solved)))
-    beyond_maps = size**2 > limit.share * before2
+    a_gap, beyond_maps = before2 > limit.mm**2, size**2 > limit.share * before2
     structured = (
         (size > np.hypot(least_mm, 1e3 * figures.alike_m) and beyond_maps)
         or bool(off.any())
@@ -114,6 +113,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
         or bool(depends_on or (a_gap and solved.small_together) or gone.any())
         or (a_gap and misfit(residual, left, noise2, limits.shrink.noise_known) > limit.misfit)
     )
+    del residual, noise2  # Images of all views are most of a session's memory.
     if not structured:
         return Unexplained(size, structured=False, depends_on=(), where=())
     spread = np.bincount(means.part, np.maximum(means.excess2, 0) / means.white2, len(scene.parts))
@@ -203,7 +203,7 @@ def _lost_pixels(found: Account, parts: int, missing: MissingLimits) -> Float:
     if FixedPattern.NAME in found.solved.maps and lost_by_pixels(views, missing):
         return np.zeros(parts)
     too_bright = brightest(views, missing)
-    gone = by_part(views, [lost(v, missing, too_bright) for v in views], parts)
+    gone = by_part(views, (lost(v, missing, too_bright) for v in views), parts)
     inside = sum(int(expected(v, missing).sum()) for v in views)
     return gone if gone.sum() > missing.lost_share * inside else np.zeros(parts)
 

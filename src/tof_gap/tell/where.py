@@ -10,7 +10,8 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 from scipy.special import ndtr
 
-from tof_core.stats import blocks
+from tof_core.stats import blocks, joined
+from tof_gap.seen.residual import single
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -146,7 +147,7 @@ def _bins(
     value: Callable[[ViewEvidence], Float], views: Sequence[ViewEvidence], gap: Sequence[Float], floor2: Sequence[Float], bins: int
 ) -> list[Bin]:
     """The gap by one quantity. The quantity is computed twice for each view, since the images of all views take gigabytes."""
-    q = np.concatenate([_known(value(v), g)[0] for v, g in zip(views, gap, strict=True)])
+    q = joined((_known(value(v), g)[0] for v, g in zip(views, gap, strict=True)), sum(g.size for g in gap))
     if len(q) == 0 or np.ptp(q) == 0:
         return []
     edges = np.unique(np.quantile(q, np.linspace(0, 1, bins + 1), overwrite_input=True))
@@ -166,6 +167,6 @@ def _bins(
 
 
 def _known(quantity: Float, gap: Float) -> tuple[Float, Mask]:
-    """(n,) the quantity of the pixels where it and the gap are known, and the mask of these pixels (H, W)."""
+    """(n,) the quantity of the pixels where it and the gap are known, in single precision, and the mask of these pixels (H, W)."""
     seen = np.isfinite(quantity) & np.isfinite(gap)
-    return quantity[seen], seen
+    return single(quantity[seen]), seen
