@@ -12,6 +12,7 @@ import numpy as np
 from tof_gap.seen.finding import Finding
 from tof_gap.seen.lit_places import lit_places
 from tof_gap.seen.photons import as_captures_differ, automatic_exposure, binned, code_step, fit_law, variance_of_mean
+from tof_gap.seen.residual import single
 from tof_gap.seen.session import session_of
 from tof_gap.seen.whole_average import wholly_averaged
 from tof_sensor.effects.ambient import Ambient
@@ -38,7 +39,7 @@ def detected_effects(
             d.effect,
             d.confidence,
             d.std,
-            share=np.stack([np.where(v.smooth, d.effect.noise(v.frame) / np.sqrt(v.view.captures), np.nan) for v in views]),
+            share=np.stack([single(np.where(v.smooth, d.effect.noise(v.frame) / np.sqrt(v.view.captures), np.nan)) for v in views]),
             note=d.note,
             beside=law,
         )

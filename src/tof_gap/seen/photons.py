@@ -13,6 +13,7 @@ from scipy.special import stdtr
 
 from tof_core.stats import by_group, hats, robust_std, second_differences, trimmed_std
 from tof_gap.seen.finding import most
+from tof_gap.seen.residual import single
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.session import NoiseBins
 
@@ -283,11 +284,12 @@ def least_mm(views: Sequence[ViewEvidence], limits: NoiseLimits) -> float:
     return limits.extra_filtered_mm if any(v.correlation.correlated for v in views) else limits.extra_mm
 
 
-def constant_map(views: Sequence[ViewEvidence], size: float) -> Float:
-    """(V, H, W) the standard deviation `size` at every smooth pixel, NaN elsewhere."""
-    return np.stack([np.where(v.smooth, size, np.nan) for v in views])
+def constant_map(views: Sequence[ViewEvidence], size: float | Float) -> Float:
+    """(V, H, W) the standard deviation `size`, of all views or (V,), at every smooth pixel, NaN elsewhere."""
+    each = np.broadcast_to(size, len(views))
+    return np.stack([single(np.where(v.smooth, s, np.nan)) for v, s in zip(views, each, strict=True)])
 
 
 def of_means(views: Sequence[ViewEvidence], size: float) -> Float:
     """(V, H, W) standard deviation of the mean of each view's captures, from that of one capture, `size`; NaN at pixels that are not smooth."""
-    return constant_map(views, size) / np.sqrt([v.view.captures for v in views])[:, None, None]
+    return constant_map(views, size / np.sqrt([v.view.captures for v in views]))
