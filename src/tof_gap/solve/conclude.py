@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core.memory import give_back
 from tof_gap.seen.residual import less, noise_again
 from tof_gap.seen.steps import beside_steps
 from tof_gap.solve.candidate import HAND_EYE
@@ -61,6 +62,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     there = delayed(replace(final, hand_eye=joint.hand_eye), joint.views, late_s)
     evidence = observe(views, caster, final, config, concavity=True, lens=lens)  # Mixed pixels need exact poses and footprints.
     maps, free = shares(rest, evidence, final, caster, other_m), free_shares(joint, evidence)
+    give_back()  # What rendering and mapping have freed.
     sizes = sizes_m(maps | free, evidence, split.held_out)
     small = _small(sizes, maps, config.select, late=any(n.name == TimeSync.NAME for n in rest))
     # Errors of a healthy camera are no gap: they are subtracted before anything is stated.
