@@ -131,6 +131,7 @@ def account(
     follows, sags = _arm_signs(solved, config.noise.foreign_light) if on_time else (False, False)
     astray = on_time and over_prior(solved.arms, solved.arms_sd) > config.report.unexplained.arm_rms
     findings = gated if alone else (*gated, *_findings(solved, config, stated, left_out, follows=follows))
+    give_back()  # What the detectors have freed.
     counted = figures(solved, findings, rng, config.report)
     for share in (f.share for f in gated if f.share is not None):
         counted = replace(counted, residual=[r + added for r, added in zip(counted.residual, share, strict=True)])

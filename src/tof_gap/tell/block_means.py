@@ -70,10 +70,8 @@ def block_means(views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Se
     return BlockMeans(*(np.concatenate(column) for column in zip(*found, strict=True)))
 
 
-def unbiased2(found: Account) -> list[Float]:
-    """(H, W) m^2 per view of error that is no bias: the floor, the named noise, and the variance of the fixed pattern's map."""
+def unbiased2(found: Account, views: Sequence[int]) -> list[Float]:
+    """(H, W) m^2 for each of these views of error that is no bias: the floor, the named noise, and the variance of the fixed pattern's map."""
     named = [f.share for f in found.findings if f.effect.EVIDENCE is Evidence.NOISE and f.share is not None]
-    return [
-        single(sum((np.nan_to_num(s[v]) ** 2 for s in named), np.asarray(floor, float)) + found.figures.unsure2)
-        for v, floor in enumerate(found.figures.floors)
-    ]
+    floors, unsure2 = found.figures.floors, found.figures.unsure2
+    return [single(sum((np.nan_to_num(s[v]) ** 2 for s in named), np.asarray(floors[v], float)) + unsure2) for v in views]

@@ -107,9 +107,8 @@ def shares_left(found: Account, limit: UnexplainedLimits) -> dict[str, float]:
     if not judged:
         return {}
     figures, held, maps = found.figures, found.solved.split.held_out, found.solved.maps
-    errors, every = figures.left(), unbiased2(found)
-    views, noise2 = [found.solved.evidence[v] for v in held], [every[v] for v in held]
-    left = away_from_edges([figures.edge[v] for v in held], [errors[v] for v in held])
+    views, noise2 = [found.solved.evidence[v] for v in held], unbiased2(found, held)
+    left = away_from_edges([figures.edge[v] for v in held], figures.left(held))
 
     def means(names: Iterable[str]) -> BlockMeans:
         """Of the remaining error, with the maps of these effects added again."""

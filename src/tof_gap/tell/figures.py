@@ -61,9 +61,9 @@ class Figures:
         zero = np.zeros(self.residual[view].shape)
         return np.asarray(np.sum([zero, *(np.nan_to_num(self.maps[n][view]) for n in names)], axis=0))
 
-    def left(self) -> list[Float]:
-        """(H, W) metres per view that no named effect explains."""
-        return [self._left(v) for v in range(len(self.residual))]
+    def left(self, views: Sequence[int] | None = None) -> list[Float]:
+        """(H, W) metres per view that no named effect explains; of these views, None for all."""
+        return [self._left(v) for v in (range(len(self.residual)) if views is None else views)]
 
     def _left(self, view: int) -> Float:
         return single(self.residual[view] - self.total(list(self.maps), view) - self.common[view])
@@ -99,7 +99,7 @@ class Figures:
     @cached_property
     def floors_shown(self) -> list[Float]:
         """(H, W) m^2 of each held-out view: the floor, with the noise that its pixels show instead of the estimated variance."""
-        steady = away_from_edges([self.edge[v] for v in self.held], [self._left(v) for v in self.held])
+        steady = away_from_edges([self.edge[v] for v in self.held], self.left(self.held))
         limits = self.limits.shrink
         shown = shown2(steady, [self.noise2[v] for v in self.held], limits.noise_shown, limits.noise_px, self.window_px)
         return [self.floors[v] - self.noise2[v] + s for v, s in zip(self.held, shown, strict=True)]

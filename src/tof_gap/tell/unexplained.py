@@ -86,7 +86,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     solved, figures, gap, limit = found.solved, found.figures, found.gap, limits.unexplained
     views, floor2 = solved.evidence, figures.floors
     residual, left = (away_from_edges(figures.edge, errors) for errors in (figures.residual, figures.left()))
-    noise2 = unbiased2(found)
+    noise2 = unbiased2(found, range(len(views)))
     means = block_means(views, left, noise2, limits.block_px, limit.block_pixels)
     if len(means.pixels) == 0:
         return Unexplained(0.0, structured=False, depends_on=(), where=())

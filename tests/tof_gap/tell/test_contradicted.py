@@ -34,7 +34,7 @@ def account(left: np.ndarray, **maps: np.ndarray) -> Any:
     errors = [left + rng.normal(0, NOISE_M, SHAPE) for _ in range(VIEWS)]
     figures = SimpleNamespace(
         maps={name: [m] * VIEWS for name, m in maps.items()},
-        left=lambda: errors,
+        left=lambda held: [errors[v] for v in held],
         floors=[np.full(SHAPE, NOISE_M**2)] * VIEWS,
         edge=[v.edge for v in seen],
         unsure2=np.zeros(SHAPE),
