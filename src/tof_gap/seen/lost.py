@@ -54,9 +54,9 @@ def brightest(views: Sequence[ViewEvidence], limits: MissingLimits) -> float:
 
     A saturated pixel shows no more amplitude than the brightest measured ones, since its charge is cut off.
     """
-    light = [v.frame.amplitude[v.smooth] for v in views if v.view.amplitude is not None]
-    returned = np.concatenate([*light, np.zeros(0)])
-    return limits.bright * float(np.quantile(returned, limits.saturated)) if len(returned) else float("inf")
+    lit = [v for v in views if v.view.amplitude is not None]
+    returned = joined((v.frame.amplitude[v.smooth] for v in lit), sum(v.smooth.size for v in lit))
+    return limits.bright * float(np.quantile(returned, limits.saturated, overwrite_input=True)) if len(returned) else float("inf")
 
 
 def lost(view: ViewEvidence, limits: MissingLimits, too_bright: float) -> Float:

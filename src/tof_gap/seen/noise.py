@@ -10,6 +10,7 @@ import numpy as np
 from scipy.ndimage import minimum_filter
 
 from tof_core.shares import in_percent
+from tof_core.stats import joined
 from tof_gap.seen.bursts import bursts
 from tof_gap.seen.correlation import INDEPENDENT
 from tof_gap.seen.finding import CONFIDENT, Finding, most
@@ -211,8 +212,8 @@ def _typical(b: NoiseBins) -> float:
 
 def median_m(views: Sequence[ViewEvidence]) -> float:
     """Metres along the ray: median noise of one capture over the smooth pixels; 0 without any."""
-    sigma = np.concatenate([(v.sigma * v.frame.length)[v.smooth] for v in views])
-    return over_mean(views) * float(np.median(sigma)) if len(sigma) else 0.0
+    sigma = joined(((v.sigma * v.frame.length)[v.smooth] for v in views), sum(v.smooth.size for v in views))
+    return over_mean(views) * float(np.median(sigma, overwrite_input=True)) if len(sigma) else 0.0
 
 
 def over_mean(views: Sequence[ViewEvidence]) -> float:

@@ -85,6 +85,8 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     """
     solved, figures, gap, limit = found.solved, found.figures, found.gap, limits.unexplained
     views, floor2 = solved.evidence, figures.floors
+    depends_on = (*solved.depends_on, *_signs(found, limit, missing))
+    gone = _lost_pixels(found, len(scene.parts), missing)
     residual, left = (away_from_edges(figures.edge, errors) for errors in (figures.residual, figures.left()))
     noise2 = unbiased2(found, range(len(views)))
     means = block_means(views, left, noise2, limits.block_px, limit.block_pixels)
@@ -96,8 +98,6 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     # No model of motion describes surfaces that appear and vanish beside edges while the hand moves.
     reach = missing.edge_reach_px if Motion.NAME in solved.maps else 0
     gross = 0.0 if gross_named else min(gross_share(v, _explained(figures), reach) for v in (views, solved.linearised))
-    depends_on = (*solved.depends_on, *_signs(found, limit, missing))
-    gone = _lost_pixels(found, len(scene.parts), missing)
     least_mm = limit.alone_mm if all(EFFECTS[name].EXACT for name in solved.maps) else limit.mm
     # The noise of rows and stripes is uneven over parts: beside it no part is judged by itself. Coarse maps err on parts most.
     off = np.zeros(len(scene.parts), bool)
