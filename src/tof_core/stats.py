@@ -114,8 +114,12 @@ def touched(values: Float) -> Mask:
     Over these entries, an effect on few pixels and an effect on all are measured alike.
     """
     size = np.abs(values)
-    some = size[size > 0]
-    return size >= AFFECTED * np.quantile(some, AFFECTED_QUANTILE, overwrite_input=True) if len(some) else size > 0
+    return size >= least_touched(size[size > 0])
+
+
+def least_touched(sizes: Float) -> float:
+    """The value from which entries of a map count as touched; sizes (n,): of those other than 0, which it reorders. Infinite without any."""
+    return AFFECTED * float(np.quantile(sizes, AFFECTED_QUANTILE, overwrite_input=True)) if len(sizes) else np.inf
 
 
 def second_differences(values: Float, axis: int = -1, step: int = 1) -> Float:

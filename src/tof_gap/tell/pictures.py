@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tof_core.page import PALETTE, axes, figure_uri
+from tof_gap.seen.residual import single
 from tof_sensor.geometry import cell_points
 
 if TYPE_CHECKING:
@@ -71,10 +72,11 @@ def _projected(d: Diagnosis, maps: Sequence[Float]) -> tuple[Float, Float, Ints]
     """Of small cubes of space, nearest last: (n, 2) screen positions, (n,) mean gap in mm (0 where not significant), (n,) part."""
     step = max(1, sum(int(np.isfinite(m).sum()) for m in maps) // PIXELS)
     shown = [np.flatnonzero(np.isfinite(m))[::step].copy() for m in maps]  # a slice would keep the indices of all pixels
-    points = np.concatenate([cell_points(v.frame).reshape(-1, 3)[at] for v, at in zip(d.evidence, shown, strict=True)])
+    points = np.concatenate([single(cell_points(v.frame).reshape(-1, 3)[at]) for v, at in zip(d.evidence, shown, strict=True)])
     gap = np.concatenate([m.ravel()[at] for m, at in zip(maps, shown, strict=True)])
     cell_m = float(np.linalg.norm(np.ptp(np.quantile(points, (0.02, 0.98), axis=0), axis=0))) / CUBES
     cube = np.floor(points / cell_m).astype(np.int64)
+    del points
     size = np.ptp(cube, axis=0) + 1
     # One number for each cube: sorting rows is twenty times slower.
     _, first, which = np.unique(np.ravel_multi_index((cube - cube.min(axis=0)).T, size), return_index=True, return_inverse=True)

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter
 
 from tof_core.shares import in_percent
-from tof_core.stats import joined, touched
+from tof_core.stats import joined, least_touched
 from tof_gap.seen.finding import not_expected
 from tof_gap.tell.unexplained import by_part
 from tof_gap.tell.words import listed, spaced
@@ -167,14 +167,13 @@ def acts(size_m: float, maps: Sequence[Float]) -> str:
 def _covered(maps: Sequence[Float]) -> float:
     """Share of the pixels of maps (H, W) that are touched, or most of whose neighbours are: a pattern also acts where its sign changes."""
     known = [np.isfinite(m) for m in maps]
-    hit = touched(joined((m[k] for m, k in zip(maps, known, strict=True)), sum(m.size for m in maps)))
+    least = least_touched(joined((np.abs(m[k & (m != 0)]) for m, k in zip(maps, known, strict=True)), sum(m.size for m in maps)))
     covered = 0
-    for k, own in zip(known, np.split(hit, np.cumsum([k.sum() for k in known])[:-1]), strict=True):
-        on = np.zeros(k.shape)
-        on[k] = own
+    for m, k in zip(maps, known, strict=True):
+        on = (k & (np.abs(m) >= least)).astype(float)
         among = uniform_filter(on, NEAR_PX) > 0.5 * uniform_filter(k.astype(float), NEAR_PX)
         covered += int((k & (among | (on > 0))).sum())
-    return covered / max(len(hit), 1)
+    return covered / max(sum(int(k.sum()) for k in known), 1)
 
 
 def cost(d: Diagnosis, maps: Sequence[Float]) -> str:
