@@ -63,8 +63,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     evidence = observe(views, caster, final, config, concavity=True, lens=lens)  # Mixed pixels need exact poses and footprints.
     maps, free = shares(rest, evidence, final, caster, other_m), free_shares(joint, evidence)
     give_back()  # What rendering and mapping have freed.
-    sizes = sizes_m(maps | free, evidence, split.held_out)
-    small = _small(sizes, maps, config.select, late=any(n.name == TimeSync.NAME for n in rest))
+    small = _small(sizes := sizes_m(maps | free, evidence, split.held_out), maps, rest, config.select)
     # Errors of a healthy camera are no gap: they are subtracted before anything is stated.
     evidence = less(evidence, [by_view for name, by_view in (maps | free).items() if name in small])
     maps, free = ({name: by_view for name, by_view in one.items() if name not in small} for one in (maps, free))
@@ -103,8 +102,9 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     )
 
 
-def _small(sizes: Mapping[str, float], maps: Mapping[str, Sequence[Float]], limits: SelectLimits, *, late: bool) -> set[str]:
-    """Names of effects within a healthy camera's tolerance, and of `motion` if it explains too little of all, also at edges; late: whether stamps are."""
+def _small(sizes: Mapping[str, float], maps: Mapping[str, Sequence[Float]], causes: Sequence[Named], limits: SelectLimits) -> set[str]:
+    """Names of effects within a healthy camera's tolerance, and of `motion` if it explains too little of all, also at edges."""
+    late = any(n.name == TimeSync.NAME for n in causes)
     least_mm = {Motion.NAME: limits.least_mm if late else limits.motion_mm}
     small = {name for name, size in sizes.items() if size < 1e-3 * least_mm.get(name, limits.least_mm)}
     if Motion.NAME in maps and energy_share(Motion.NAME, maps) < limits.share:
