@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from tof_core.shares import in_percent
-from tof_gap.tell.words import listed, spaced
+from tof_gap.tell.words import listed, spaced, untested_words
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -109,10 +109,7 @@ class Against:
                 f"no depth on {real} of the CAD's pixels in the camera's bag, and on {simulated} in the simulator's: no named effect makes this "
                 "difference. Filters of a camera, such as one at edges, remove pixels by design, and sensor.yaml does not simulate them"
             )
-        reasons: dict[str, list[str]] = {}
-        for name, why in self.not_testable.items():
-            reasons.setdefault(why, []).append(name)
-        untested = [f"not testable in the simulator's bag: {', '.join(names)} ({why})" for why, names in reasons.items()]
+        untested = untested_words(self.not_testable, " in the simulator's bag")
         return [*both, *(_open(side, u) for side, u in zip(SIDES, self.unnamed, strict=True) if u is not None), *untested]
 
     def _alike(self, name: str) -> str:

@@ -190,3 +190,11 @@ def percent(share: float | None) -> str:
 def interval(ci: Sequence[float] | None) -> str:
     """The 95 % interval of a share, cut at 100 %; "" where it is not known. Below 0 a gap grows."""
     return "" if ci is None else f"{percent(min(ci[0], 1.0))} to {percent(min(ci[1], 1.0))} with 95 % confidence"
+
+
+def untested_words(reasons: Mapping[str, str], where: str = "") -> list[str]:
+    """One line for each reason why effects are not testable, with the names of these effects."""
+    names: dict[str, list[str]] = {}
+    for name, why in reasons.items():
+        names.setdefault(why, []).append(name)
+    return [f"not testable{where}: {', '.join(alike)} ({why})" for why, alike in names.items()]

@@ -185,7 +185,7 @@ def summary(d: Diagnosis) -> str:
     """Summary of the diagnosis for a terminal."""
     from tof_gap.seen.finding import not_expected
     from tof_gap.tell.report import arm_errors, arm_prior
-    from tof_gap.tell.words import expected_words, interval, percent, spaced, unexplained_words, where_to_look
+    from tof_gap.tell.words import expected_words, interval, percent, spaced, unexplained_words, untested_words, where_to_look
     from tof_scene.world.words import lines as world_lines
     from tof_scene.world.words import of_views
 
@@ -218,8 +218,7 @@ def summary(d: Diagnosis) -> str:
     lines += world_lines(d.world)
     if d.stray:
         lines.append(f"left out: {of_views(d.stray)}, whose depth fits the CAD only at poses where the arm cannot have been")
-    lines += [f"not testable: {name} ({why})" for name, why in d.not_testable.items()]
-    return "\n".join(lines)
+    return "\n".join([*lines, *untested_words(d.not_testable)])
 
 
 def cause_line(c: Cause, d: Diagnosis) -> str:

@@ -9,7 +9,17 @@ import pytest
 
 from tof_gap.seen.finding import Finding
 from tof_gap.tell.unexplained import Unexplained
-from tof_gap.tell.words import expected_words, interval, sentence, size_in_words, spaced, todo, unexplained_words, where_to_look
+from tof_gap.tell.words import (
+    expected_words,
+    interval,
+    sentence,
+    size_in_words,
+    spaced,
+    todo,
+    unexplained_words,
+    untested_words,
+    where_to_look,
+)
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.quantization import Quantization
@@ -206,3 +216,9 @@ def test_poses_may_follow_the_camera_where_they_err_from_view_to_view() -> None:
     line = where_to_look(["table"], ["arm"], ["lens scatter"])
     assert line.startswith("Check the arm's encoders, the base and TF")
     assert line.endswith("followed an error of the camera or of the light that differs from view to view (suspected: lens scatter).")
+
+
+def test_effects_that_are_not_testable_for_one_reason_share_a_line() -> None:
+    reasons = {"ambient": "no law", "motion": "no view was taken in motion", "time_sync": "no view was taken in motion"}
+    assert untested_words(reasons) == ["not testable: ambient (no law)", "not testable: motion, time_sync (no view was taken in motion)"]
+    assert untested_words({"ambient": "no law"}, " here") == ["not testable here: ambient (no law)"]
