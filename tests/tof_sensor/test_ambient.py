@@ -117,6 +117,14 @@ def test_other_noise_is_no_foreign_light(beyond: Float | float) -> None:
     assert Ambient.detect(session(beyond)) is None
 
 
+@pytest.mark.parametrize(("unseen", "found"), [(2, True), (3, False)])
+def test_three_quarters_of_all_views_must_show_the_light(unseen: int, *, found: bool) -> None:
+    """Views without enough pixels to know their noise do not show it: six of eight are enough, six of nine are not."""
+    lit = session(light(4e-3, 1.5e-3))
+    nothing: Any = None
+    assert (Ambient.detect(replace(lit, views=(nothing,) * (VIEWS + unseen))) is not None) == found
+
+
 def test_noise_of_the_darkest_bins_alone_is_no_foreign_light() -> None:
     """Half above the law, as with less modulated light, and more on grazing surfaces, which are the darkest."""
     noise = session(0.0).noise

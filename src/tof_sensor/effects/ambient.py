@@ -25,7 +25,8 @@ LEAST_EXCESS = 0.25
 noise, fitted beside it, leave 0.12 at most in 28 healthy sessions of the emerging camera, whose variance exceeds the law by up to 220 %, and
 0.22 in a later one, whose noise rises toward grazing surfaces."""
 LEAST_SHARE = 0.75
-"""Least share of the views with half of that excess: ambient light does not come in bursts."""
+"""Least share of the views with half of that excess, of all views: ambient light does not come in bursts, and few views that are left of a
+session, where the others lost most pixels, do not speak for it."""
 LEAST_BINS = 12
 """Fewest amplitude bins from which a dependence on amplitude can be judged."""
 SURFACE_LEAST = 0.1
@@ -143,7 +144,8 @@ class Ambient(Effect):
         fitted = _fitted(either, excess, bins, free)
         light, model = foreign @ fitted[own.shape[1] :], either @ fitted
         share = float(np.median(light / predicted))
-        if share < LEAST_EXCESS or (of_view > 0.5 * LEAST_EXCESS).mean() < LEAST_SHARE:
+        shown = (of_view > 0.5 * LEAST_EXCESS).sum() / max(len(session.views), len(of_view))
+        if share < LEAST_EXCESS or shown < LEAST_SHARE:
             return None
         if share < KNOWN * float(np.median(np.abs(excess - model) / bins.variance)):
             return None
