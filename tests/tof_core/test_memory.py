@@ -61,3 +61,41 @@ print(before - resident_mb())
 def test_freed_arrays_leave_the_process() -> None:
     done = subprocess.run([sys.executable, "-c", HELD], check=True, capture_output=True, text=True)
     assert float(done.stdout) > 0.9 * FREED_MB
+
+
+ONE_HEAP = f"""
+import threading
+import numpy as np
+from tof_core.memory import one_heap
+
+def resident_mb():
+    return int(open("/proc/self/statm").read().split()[1]) * 4096 / 1e6
+
+def arrays():
+    return [np.ones(100_000, np.uint8) for _ in range({FREED_MB} * 10)]
+
+def work():
+    global last
+    every = arrays()
+    last = every[-1]
+
+if {{one}}:
+    one_heap()
+thread = threading.Thread(target=work)
+thread.start()
+thread.join()
+before = resident_mb()
+again = arrays()
+print(resident_mb() - before)
+"""
+"""Arrays that a thread has freed, and as many of the main thread."""
+
+
+@pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "malloc_trim"), reason="the C library is not glibc")
+def test_what_a_thread_has_freed_serves_the_others() -> None:
+    more = [
+        float(subprocess.run([sys.executable, "-c", ONE_HEAP.format(one=one)], check=True, capture_output=True, text=True).stdout)
+        for one in (True, False)
+    ]
+    assert more[0] < 0.2 * FREED_MB
+    assert more[1] > 0.8 * FREED_MB

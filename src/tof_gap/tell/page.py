@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tof_core.memory import give_back
 from tof_core.page import render_page
 from tof_gap.tell import pictures
 from tof_gap.tell.plant import course_of
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str, names: Sequence[str] = ()) -> Path:
     """Write `report.html` beside `gap.json`, whose `content` it shows; `names` of the scene's parts stand on the map."""
+    give_back()  # What the report's figures have freed.
     remaining = _left(d)
     gap, world, course = content["gap"], lines(content["world"]), course_of(d)
     by = {name: [Bin(**b) for b in bins] for name, bins in content["where"]["by"].items()}

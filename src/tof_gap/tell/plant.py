@@ -182,7 +182,7 @@ def cost(d: Diagnosis, maps: Sequence[Float]) -> str:
     error = joined(seen, sum(m.size for m in maps))
     if not error.size:
         return ""
-    worst = float(np.quantile(error, WORST))
+    worst = float(np.quantile(error, WORST, overwrite_input=True))
     if worst >= MATTERS_M:
         return f"this effect puts one pixel in twenty off by {1e3 * worst:.1f} mm or more"
     off = error[error >= MATTERS_M]
