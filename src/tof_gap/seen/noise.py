@@ -245,15 +245,7 @@ def pixels_found(views: Sequence[ViewEvidence], limits: NoiseLimits) -> NoisyPix
     offsets = single_pixels(views)
     beside = beside_pixels(views, offsets)
     found = noisy_pixels(beside, limits.pixels)
-    return found if stand_out(found, limits) and unstable(beside, limits) and not by_offsets(found, offsets, limits) else None
-
-
-def by_offsets(pixels: NoisyPixels, offsets: PixelOffsets, limits: NoiseLimits) -> bool:
-    """Whether constant offsets of pixels may make the noise of some of them: where the offsets are larger.
-
-    A camera that averages takes a neighbour with another offset in or leaves it out, from capture to capture.
-    """
-    return pixels.rms_m < limits.pixels.of_offsets * offsets.size_m
+    return found if stand_out(found, limits) and of_their_own(found, beside, offsets, limits) else None
 
 
 def stand_out(pixels: NoisyPixels, limits: NoiseLimits) -> bool:
@@ -261,9 +253,14 @@ def stand_out(pixels: NoisyPixels, limits: NoiseLimits) -> bool:
     return pixels.share > limits.pixel_share and pixels.chance < limits.pixels.chance
 
 
-def unstable(beside: Sequence[ViewEvidence], limits: NoiseLimits) -> bool:
-    """Whether the same pixels are noisy in both halves of the views, given without constant offsets of pixels."""
-    return halves_agree(beside, limits.pixels) > limits.pixels.repeated
+def of_their_own(pixels: NoisyPixels, beside: Sequence[ViewEvidence], offsets: PixelOffsets, limits: NoiseLimits) -> bool:
+    """Whether the noise of pixels that stand out is theirs: the same pixels are noisy in both halves of the views, beyond constant offsets.
+
+    A camera that averages takes a neighbour with another offset in or leaves it out, from capture to capture. `beside`: the views without
+    the offsets.
+    """
+    beyond = pixels.rms_m >= limits.pixels.of_offsets * offsets.size_m
+    return beyond and halves_agree(beside, limits.pixels) > limits.pixels.repeated
 
 
 def without_noisy_pixels(views: Sequence[ViewEvidence], limits: NoiseLimits) -> Sequence[ViewEvidence]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tof_gap.seen.line_noise import line_noise
-from tof_gap.seen.noise import BY, median_m, over_mean, stand_out, unstable
+from tof_gap.seen.noise import BY, median_m, of_their_own, over_mean, stand_out
 from tof_gap.seen.pattern import beside_pixels, single_pixels
 from tof_gap.seen.pixel_noise import noisy_pixels
 from tof_gap.tell.levels_apart import Level
@@ -48,12 +48,13 @@ def measured(views: Sequence[ViewEvidence], limits: NoiseLimits) -> dict[str, Me
         size_mm = ratio * lines.size_m
         shown = lines.sigma > limits.lines.sigma
         out[BY[axis]] = Measured(size_mm, shown, shown and size_mm > max(limits.line_mm, little_mm))
-    beside = beside_pixels(views, single_pixels(views))
+    offsets = single_pixels(views)
+    beside = beside_pixels(views, offsets)
     pixels = noisy_pixels(beside, limits.pixels)
     size_mm = ratio * pixels.rms_m
     shown = stand_out(pixels, limits)
     large = ratio * pixels.size_m > limits.pixels.own_mm and size_mm > little_mm
-    out[OF_PIXELS] = Measured(size_mm, shown, shown and large and unstable(beside, limits))
+    out[OF_PIXELS] = Measured(size_mm, shown, shown and large and of_their_own(pixels, beside, offsets, limits))
     return out
 
 

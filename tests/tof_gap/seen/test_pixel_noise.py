@@ -14,6 +14,7 @@ from tof_gap.limits.seen import NoiseLimits, PixelLimits
 from tof_gap.seen.noise import noise_effects, pixels_found
 from tof_gap.seen.pattern import beside_pixels, single_pixels
 from tof_gap.seen.pixel_noise import halves_agree, noisy_pixels
+from tof_gap.tell.noise_parts import OF_PIXELS, measured
 
 LIMITS = PixelLimits()
 
@@ -73,6 +74,7 @@ def test_neighbours_that_an_average_takes_in_by_chance_are_no_unstable_pixels() 
     assert found.rms_m == pytest.approx(found.size_m * np.sqrt(found.share))
     assert pixels_found(alone, NoiseLimits()) is not None
     assert pixels_found(beside, NoiseLimits()) is None
+    assert [measured(seen, NoiseLimits())[OF_PIXELS].named for seen in (alone, beside)] == [True, False], "as sessions are compared"
     assert pixels_found(beside, NoiseLimits(pixels=PixelLimits(of_offsets=0.05))) is not None
 
 
