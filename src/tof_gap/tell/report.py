@@ -174,7 +174,7 @@ def _pose(d: Diagnosis) -> dict[str, Any]:
         ],
         "hand_eye": {"xyz_m": X[:3].tolist(), "rotvec_deg": np.degrees(X[3:]).tolist()},
         "arm_rms": {"mm": arm_mm, "deg": arm_deg},
-        "arm_prior": dict(zip(("mm", "deg"), arm_prior(d), strict=True)),
+        "arm_prior": dict(zip(("mm", "deg"), arm_prior(d), strict=True)) if chain.root is None else None,
     }
 
 
