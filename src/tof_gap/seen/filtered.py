@@ -40,10 +40,9 @@ def failed_unwrapping(views: Sequence[ViewEvidence], holes: Sequence[Mask], limi
     # A pixel is lost where it or one of its neighbours is an outlier.
     share = min(1.0 - (1.0 - float(gone.mean())) ** (1 / NEIGHBOURS.size), 0.5 * SINGLE_PIXELS)
     start = float(np.quantile(np.concatenate([v.frame.radial[h] for v, h in zip(views, holes, strict=True)]), limits.turn_start))
-    note = (
-        f"the camera's filter removed {in_percent(float(gone.mean()))} of the pixels, around outliers in weak light; their jump is not seen"
-    )
-    size = f"by a step that is not seen, since the camera removes such pixels: {in_percent(float(gone.mean()))} of all"
+    removed = in_percent(float(gone.mean()))
+    note = f"the camera's filter removed {removed} of the pixels, around outliers in weak light; their jump is not seen"
+    size = f"by a step that is not seen, since the camera removes such pixels: {removed} of all"
     # An effect outside the vocabulary may make outliers, too.
     return Finding(PhaseWrap(start_m=start, share=share), LOSS_CONFIDENT, note=note, size=size, structure=True)
 

@@ -14,9 +14,8 @@ from tof_scene.world.surprises import OBJECT
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float, Mask
+    from tof_core.arrays import Float
     from tof_core.capture import View
-    from tof_gap.seen.residual import ViewEvidence
     from tof_gap.tell.account import Account
     from tof_scene.world.foreign import Foreign
     from tof_scene.world.surprises import Surprises
@@ -51,19 +50,15 @@ def unexplained_objects(world: Surprises, recorded: Sequence[View], found: Accou
                 continue
             evidence = found.solved.evidence[k]
             distance = recorded[of].depth - evidence.rendering.depth
-            own = (world.pixels[of] == OBJECT) & np.isfinite(distance) & _in_box(recorded[of], evidence, thing)
+            own = (world.pixels[of] == OBJECT) & np.isfinite(distance)
+            points = se3.apply(evidence.rendering.T_cell_camera, recorded[of].camera.points(recorded[of].depth)[own])
+            own[own] = (np.abs(points - thing.centre_m) <= 0.5 * thing.size_m + BOX_M).all(axis=1)
             before.append(distance[own])
             after.append((distance - found.figures.total(names, k))[own])
         was, left = (_median_size(np.concatenate(errors)) for errors in (before, after))
         return left >= LEFT * was
 
     return replace(world, foreign=tuple(thing for thing in world.foreign if is_left(thing)))
-
-
-def _in_box(view: View, evidence: ViewEvidence, thing: Foreign) -> Mask:
-    """(H, W) pixels whose measured point lies in the object's box."""
-    points = se3.apply(evidence.rendering.T_cell_camera, (view.camera.rays() * view.depth[..., None]).reshape(-1, 3))
-    return np.asarray((np.abs(points - thing.centre_m) <= 0.5 * thing.size_m + BOX_M).all(axis=1).reshape(view.depth.shape))
 
 
 def _median_size(errors: Float) -> float:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core.stats import joined
 from tof_gap.seen.photons import variance_of_mean
 from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
@@ -41,12 +42,13 @@ def of_own_light(found: Finding, solved: Solved) -> bool:
     changes = (AmplitudeBias.NAME, LensScatter.NAME, Multipath.NAME)
     if found.effect.like_read_out and any(map(solved.names, changes)):
         return True
-    return solved.names(Wiggling.NAME) and not found.structure and over_law(found, solved.bare) < LESS_MODULATED
+    return solved.names(Wiggling.NAME) and not found.structure and times_law(found, solved.bare) < LESS_MODULATED
 
 
-def over_law(found: Finding, views: Sequence[ViewEvidence]) -> float:
+def times_law(found: Finding, views: Sequence[ViewEvidence]) -> float:
     """Median variance of a finding's noise over that of the photon law beside which it stands; infinite where none does."""
     if found.share is None or found.beside is None:
         return float("inf")
-    ratio = [(of * v.frame.length) ** 2 / variance_of_mean(found.beside, v) for of, v in zip(found.share, views, strict=True)]
-    return float(np.nanmedian(np.stack(ratio)))
+    ratio = ((of * v.frame.length) ** 2 / variance_of_mean(found.beside, v) for of, v in zip(found.share, views, strict=True))
+    known = joined((r[np.isfinite(r)] for r in ratio), found.share.size)
+    return float(np.median(known, overwrite_input=True))

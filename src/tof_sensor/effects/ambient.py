@@ -48,7 +48,7 @@ DARK = 0.25
 CONFIRMED = 0.5
 """Least ratio of the light's variance without these bins to that with them. Sunlight in eleven sessions: 0.7 and more; a long pulse: 0.36."""
 WHOLE = 1.0
-"""Most of the camera's own noise beyond the law, in variances of the law, where it averages over whole neighbourhoods (`seen.detected`): there
+"""Most of the camera's own noise beyond the law, in variances of the law, where it averages over whole neighbourhoods (`seen.whole_average`): there
 the law leaves 0.6 to 1.1 of the variance of two healthy cameras, and 2.5 times it would explain weak sunlight as well as light does."""
 CAP2 = 9.0
 """Largest squared misfit of a bin that counts in full, over the median's: beyond three standard deviations a bin holds edges."""

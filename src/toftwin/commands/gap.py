@@ -209,8 +209,10 @@ def summary(d: Diagnosis) -> str:
     lines += [f"  {f.name}: confidence {f.confidence:.2f}" + (f", {f.note}" if f.note and not f.size else "") for f in found]
     lines += expected_words(d.findings)
     if d.chain.root is None:
-        expected = " (expected of this robot, align.priors.arm_mm and arm_deg: {:.1f} mm and {:.2f} degrees)".format(*arm_prior(d))
-        lines.append("errors of the arm from view to view: {:.1f} mm and {:.2f} degrees RMS".format(*arm_errors(d)) + expected)
+        seen, expected = ("{:.1f} mm and {:.2f} degrees".format(*of(d)) for of in (arm_errors, arm_prior))
+        lines.append(
+            f"errors of the arm from view to view: {seen} RMS (expected of this robot, align.priors.arm_mm and arm_deg: {expected})"
+        )
     if d.unexplained.structured:
         left = unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes))
         suspects = [spaced(c.named.name) for c in d.causes if d.suspected(c)]

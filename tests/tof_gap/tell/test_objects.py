@@ -29,7 +29,7 @@ def session(explained: float) -> tuple[Surprises, list[Any], Any]:
             code[PATCH] = OBJECT
             depth[PATCH] -= BEFORE_M
             pulled[PATCH] = -BEFORE_M * explained
-            points.append((v.view.camera.rays() * depth[..., None])[PATCH].reshape(-1, 3))
+            points.append(v.view.camera.points(depth)[PATCH].reshape(-1, 3))
         codes.append(code)
         recorded.append(replace(v.view, depth=depth))
         maps.append(pulled)

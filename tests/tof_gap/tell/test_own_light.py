@@ -12,7 +12,7 @@ import pytest
 from tests.tof_gap.quiet_views import SHAPE, views
 from tof_gap.seen.finding import Finding
 from tof_gap.seen.photons import variance_of_mean
-from tof_gap.tell.own_light import of_own_light, over_law
+from tof_gap.tell.own_light import of_own_light, times_law
 from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.photon_law import PhotonLaw
@@ -48,6 +48,6 @@ def test_a_lamp_that_is_on_for_longer_at_most_doubles_the_variance(*, excess: fl
     noise_m[:, :10] = np.nan
     found = Finding(Ambient(surface_m=0.002, reference=1000.0), 0.95, share=noise_m, beside=LAW)
     assert noise_m.shape[1:] == SHAPE
-    assert over_law(found, seen) == pytest.approx(excess, rel=1e-6)
+    assert times_law(found, seen) == pytest.approx(excess, rel=1e-6)
     assert of_own_light(found, naming("wiggling", seen)) is own
     assert not of_own_light(found, naming("intrinsics", seen))
