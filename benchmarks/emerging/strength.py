@@ -19,12 +19,14 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
 
 GOALS = {"bias": UNIT_M, "noise": UNIT_M, "loss": 0.1, "wrap": 0.05}
-"""What a strength of 1 is, of each metric: metres RMS over affected pixels, or a share of pixels."""
+"""What a strength of 1 is, of each metric: metres RMS over affected pixels, or a share of pixels (`wrap`: wrapped or lost)."""
 ROUNDS = 5
 CLOSE = 0.05
 """Relative error at which the search stops."""
 CAPTURES = 5
 """Captures on which the error is measured, spread over the session."""
+PRESENT = 0.5
+"""Least share of the asked error that a cause must reach; a session in which physics allows less does not show the cause."""
 OUTLIER_M = 0.1
 """A change of more is another surface or another turn, and no part of a bias's RMS."""
 WRAPPED_M = 0.15
@@ -48,6 +50,11 @@ def calibrate(session: EmergingSession, strengths: Mapping[str, float]) -> dict[
         sizes[name], reached[name] = _solved(session, name, strength)
     session.sizes = sizes
     return reached
+
+
+def absent(strengths: Mapping[str, float], reached: Mapping[str, float]) -> tuple[str, ...]:
+    """Causes that reached less than PRESENT of what their strengths ask for; those whose size is the metric reach it always."""
+    return tuple(c for c, strength in strengths.items() if reached[c] < PRESENT * GOALS.get(CAUSES[c].metric, 0.0) * strength)
 
 
 def _solved(session: EmergingSession, name: str, strength: float) -> tuple[float, float]:
@@ -100,14 +107,17 @@ def _frames(session: EmergingSession, cause: Cause, device: Device) -> list[tupl
 
 
 def _change(cause: Cause, with_it: tuple[Float, Float], without: tuple[Float, Float]) -> Float:
-    """Per pixel: metres of bias, square metres of noise, or whether a pixel is lost or wrapped."""
+    """Per pixel: metres of bias, square metres of noise, or whether a pixel is lost or wrapped.
+
+    Firmware drops most of the pixels that it unwraps wrongly: these are lost, and count as wrapped ones.
+    """
     if cause.metric in ("bias", "size"):
         return np.asarray(with_it[0] - without[0])
     seen = np.isfinite(without[1])
     if cause.metric == "loss":
         return np.asarray(np.isnan(with_it[1][seen]), float)
     if cause.metric == "wrap":
-        return np.asarray(np.abs(with_it[1] - without[1])[seen] > WRAPPED_M, float)
+        return np.asarray(~(np.abs(with_it[1] - without[1])[seen] <= WRAPPED_M), float)
     noise, usual = with_it[1] - with_it[0], without[1] - without[0]
     noise[np.abs(noise) > OUTLIER_M] = np.nan
     usual[np.abs(usual) > OUTLIER_M] = np.nan

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from trimesh.remesh import subdivide_to_size
 
 from tof_core import se3
 from tof_virtual.body import Body
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 WAVES = 6
 """Plane waves of which the texture is made."""
 GLASS_INDEX = 1.52
+BENT_PIECES = 24
+"""Edges of a bent part are at most this fraction of its length: chords are within 0.2 % of the sagitta (a quarter of 1 / 12**2)."""
 FOREIGN = "foreign"
 """Name of the box that the CAD lacks."""
 
@@ -141,16 +144,19 @@ def _moved(body: Body, distance_m: float, rng: np.random.Generator) -> Body:
 
 
 def _bent(body: Body, sagitta_m: float, rng: np.random.Generator) -> Body:
-    """Bent along its longest side towards its shortest, so that the middle stands out by `sagitta_m`."""
+    """Bent along its longest side towards its shortest, so that the middle stands out by `sagitta_m`.
+
+    Faces are divided first: a box has corners alone, and none between its ends that could stand out.
+    """
     sign = rng.choice([-1.0, 1.0])
     if sagitta_m <= 0:
         return body
     low, size = body.vertices.min(axis=0), np.ptp(body.vertices, axis=0)
     long, short = int(np.argmax(size)), int(np.argmin(size))
-    along = 2 * (body.vertices[:, long] - low[long]) / size[long] - 1
-    bent = body.vertices.copy()
+    bent, faces = subdivide_to_size(body.vertices, body.faces, size[long] / BENT_PIECES)
+    along = 2 * (bent[:, long] - low[long]) / size[long] - 1
     bent[:, short] += sign * sagitta_m * (1 - along**2)
-    return replace(body, vertices=bent)
+    return replace(body, vertices=bent, faces=np.asarray(faces, np.int32))
 
 
 def _foreign(bodies: Sequence[Body], edge_m: float, rng: np.random.Generator) -> Body | None:

@@ -7,6 +7,7 @@ import json
 import subprocess
 import sys
 from collections import Counter
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +15,7 @@ import pytest
 
 from benchmarks.emerging.causes import CAUSES
 from benchmarks.gap_check.foreign.cases import NAMED, ROBOTS, SCENES, draw_foreign
-from benchmarks.gap_check.foreign.record import planned, record_foreign
+from benchmarks.gap_check.foreign.record import planned, record_foreign, shown
 from benchmarks.gap_check.foreign.score import ForeignRow, judge, shrink_of, wrong_ones
 from benchmarks.gap_check.foreign.second import Promised
 from benchmarks.gap_check.foreign.second import table as table_of_promises
@@ -22,6 +23,7 @@ from benchmarks.gap_check.foreign.separable import correlation, poses, separabil
 from benchmarks.gap_check.foreign.table import figures, misses
 from benchmarks.gap_check.record import SEAL, digest
 from tof_core.config import to_mapping
+from tof_core.errors import ConfigError
 from tof_virtual.config import VirtualConfig
 
 if TYPE_CHECKING:
@@ -242,6 +244,15 @@ def test_a_case_is_recorded_sealed_and_kept(tmp_path: Path) -> None:
     shown = "".join(p.name for p in (tmp_path / "bags" / one.name).rglob("*"))
     assert "truth" not in shown
     assert CAUSES["late_pulse"].effect == "range_offset"
+
+
+def test_a_session_whose_cause_is_absent_is_drawn_again_and_refused_where_no_draw_shows_it(tmp_path: Path) -> None:
+    mild = replace(next(c for c in draw_foreign(64, 4) if set(c.causes) == {"late_pulse"}), settings={"plan.views": 4})
+    drawn, session, reached = shown(mild, tmp_path, (40, 30))
+    assert drawn == mild
+    assert session.sizes.keys() == reached.keys() == {"late_pulse"}
+    with pytest.raises(ConfigError, match="late_pulse makes less than half of the asked error in 6 draws"):
+        shown(replace(mild, causes={"late_pulse": 1e3}), tmp_path, (40, 30))
 
 
 def test_second_sessions_are_told_by_what_they_keep() -> None:

@@ -12,7 +12,7 @@ from benchmarks.emerging.causes import CAUSES, OUTSIDE, applied
 from benchmarks.emerging.healthy import HAND_EYE_DEG, HAND_EYE_MM, LENS_PX, draw
 from benchmarks.emerging.record import record
 from benchmarks.emerging.session import EmergingSession
-from benchmarks.emerging.strength import calibrate
+from benchmarks.emerging.strength import absent, calibrate
 from tests.benchmarks.emerging.made import PERFECT, device
 from tests.tof_virtual.made import bench, config
 from tests.vocabulary import EFFECT_NAMES
@@ -63,6 +63,21 @@ def test_a_strength_that_physics_does_not_allow_ends_at_the_limit_and_reports_wh
     assert made.sizes["slow_driver"] == CAUSES["slow_driver"].limit
     assert 2e-3 < reached < 9e-3
     assert rms_mm(made) == pytest.approx(1e3 * reached, rel=0.3)
+
+
+def test_a_cause_that_makes_less_than_half_of_what_is_asked_for_is_absent() -> None:
+    strengths = {"bent_part": 1.0, "slow_driver": 2.0, "wrong_lens": 0.5}
+    assert absent(strengths, {"bent_part": 0.0, "slow_driver": 3.1e-3, "wrong_lens": float("nan")}) == ("bent_part",)
+    assert absent(strengths, {"bent_part": 2.9e-3, "slow_driver": 2.9e-3, "wrong_lens": float("nan")}) == ("slow_driver",)
+    assert absent({}, {}) == ()
+
+
+def test_a_bent_part_makes_the_error_that_is_asked_for_although_a_box_has_corners_alone() -> None:
+    made = session({})
+    assert all(len(b.vertices) <= 8 for b in made.bodies)
+    reached = calibrate(made, {"bent_part": 1.0})["bent_part"]
+    assert reached == pytest.approx(3e-3, rel=0.12)
+    assert 3.0 < made.sizes["bent_part"] < 20.0
 
 
 def test_a_session_without_causes_is_its_healthy_device() -> None:
