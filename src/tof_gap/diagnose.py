@@ -18,7 +18,7 @@ from tof_gap.solve.apart import set_apart
 from tof_gap.solve.candidate import HAND_EYE
 from tof_gap.solve.candidates import not_testable
 from tof_gap.solve.conclude import conclude
-from tof_gap.solve.joint import without
+from tof_gap.solve.joint import with_small, without
 from tof_gap.solve.radial import gate
 from tof_gap.solve.stray import solve_agreeing
 from tof_gap.solved import Split
@@ -122,6 +122,13 @@ def believed(joint: Joint, read: Callable[[Joint], Account], config: GapConfig) 
         joint = without(joint, taken.name, config)
         del found  # Images of all views are most of a session's memory.
         found = read(joint)
+    if joint.selection.fullest and not found.solved.named:
+        # Where nothing is named, small effects are errors of a healthy camera, however many there are: none of them is unexplained.
+        del found
+        found = read(with_small(joint, config))
+        if found.solved.named:
+            del found
+            found = read(joint)
     return found, resembled
 
 

@@ -92,8 +92,8 @@ class Effect(ABC):
     LACKS: ClassVar[float] = 0.0
     """Share of its energy along another effect that its map may lack; another effect is accepted beside it only if it explains more."""
     LACKS_ON_A_PART: ClassVar[float] = 0.0  # The same along an effect of a single part.
-    EXACT: ClassVar[bool] = False
-    """Whether its map is exact, since it models neither light nor surfaces: remaining residuals are no error of the map."""
+    EXACT: ClassVar[bool] = False  # Whether its map is exact, since it models neither light nor surfaces: residuals are no error of it.
+    IN_IMAGE: ClassVar[bool] = False  # Whether its map is the same in all views: what it leaves resembles no effect of range or light.
     UNEVEN: ClassVar[float] = 0.1  # Largest standard deviation of its size over the views, as a share of its mean.
     MODULATED: ClassVar[bool] = False  # Whether only time-of-flight cameras have it, modulated or pulsed; no stereo camera does.
     ONE_FORM: ClassVar[bool] = False  # Whether a diagnosis tries it in a single form, which has the default parameters.

@@ -98,4 +98,4 @@ def named(judge: Any, found: Hypothesis | None) -> str | None:
 
 
 def effect(**facts: Any) -> Any:
-    return SimpleNamespace(**{"rest": "", "LACKS": 0.0, "LACKS_ON_A_PART": 0.0, "ROUGH": 0.0, "SMEARS": False, **facts})
+    return SimpleNamespace(**{"rest": "", "LACKS": 0.0, "LACKS_ON_A_PART": 0.0, "ROUGH": 0.0, "SMEARS": False, "IN_IMAGE": False, **facts})

@@ -128,7 +128,7 @@ def test_a_suspected_effect_that_held_out_views_do_not_confirm_is_taken_out_and_
     candidates = [SimpleNamespace(name=name) for name in ("amplitude_bias", "wiggling")]
 
     def joint(*suspected: int) -> Any:
-        return SimpleNamespace(design=SimpleNamespace(candidates=candidates), selection=SimpleNamespace(suspected=suspected))
+        return SimpleNamespace(design=SimpleNamespace(candidates=candidates), selection=SimpleNamespace(suspected=suspected, fullest=()))
 
     def found(*small: str) -> Any:
         return SimpleNamespace(solved=SimpleNamespace(small=small))
@@ -141,3 +141,29 @@ def test_a_suspected_effect_that_held_out_views_do_not_confirm_is_taken_out_and_
     monkeypatch.setattr(room, "without", lambda *_: refitted)
     accounts = {False: found("wiggling"), True: found()}
     assert believed(joint(1), lambda chosen: accounts[chosen is refitted], config) == (accounts[True], [])
+
+
+@pytest.mark.parametrize(
+    ("named", "named_with_small", "expected"),
+    [
+        ([], [], "with small effects"),  # all of them are errors of a healthy camera
+        ([], ["wiggling"], "chosen"),  # several small effects fit almost any error: none of them is asserted
+        (["wiggling"], [], "chosen"),
+    ],
+)
+def test_small_effects_are_taken_off_where_nothing_is_named(
+    monkeypatch: pytest.MonkeyPatch, named: list[str], named_with_small: list[str], expected: str
+) -> None:
+    monkeypatch.setattr(room, "taken_out", lambda *_: None)
+    monkeypatch.setattr(room, "with_small", lambda *_: "with small effects")
+    chosen = SimpleNamespace(selection=SimpleNamespace(suspected=(), fullest=(0, 1, 2)))
+
+    def read(joint: Any) -> Any:
+        small = joint == "with small effects"
+        return SimpleNamespace(
+            solved=SimpleNamespace(small=(), named=named_with_small if small else named), of="with small effects" if small else "chosen"
+        )
+
+    account, resembled = believed(cast("Any", chosen), read, cast("Any", None))
+    assert cast("Any", account).of == expected
+    assert resembled == []

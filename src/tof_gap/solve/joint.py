@@ -88,8 +88,14 @@ def without(joint: Joint, name: str, config: GapConfig) -> Joint:
     """The same solution without the effect `name`, all others fitted again; without `motion`, the lateness set apart from it goes too."""
     members = joint.selection.chosen.members
     own = any(joint.design.candidates[m].name == name for m in members)
-    rest = joint.design.without(members, name if own else Motion.NAME)
-    return replace(joint, selection=narrowed(joint.design, config.select, joint.selection, rest))
+    gone = name if own else Motion.NAME
+    left = narrowed(joint.design, config.select, joint.selection, joint.design.without(members, gone))
+    return replace(joint, selection=replace(left, fullest=tuple(joint.design.without(left.fullest, gone))))
+
+
+def with_small(joint: Joint, config: GapConfig) -> Joint:
+    """The same solution with the small effects and the small terms of effects that the selection dropped, all fitted again."""
+    return replace(joint, selection=narrowed(joint.design, config.select, joint.selection, joint.selection.fullest))
 
 
 def _mixes(views: Sequence[View], caster: Raycaster, chain: Chain, config: GapConfig) -> bool:

@@ -31,7 +31,8 @@ class Selection:
 
     fit: of the chosen hypothesis; ties: for each member, candidates that could stand in for it; unknown: observables of chosen free
     functions, most first; small_together: effects that each explain little, and much together; suspected: members that predict held-out
-    views better, and that too few views show to be asserted.
+    views better, and that too few views show to be asserted; fullest: members before
+    small effects beyond the second were dropped, and small terms of others; empty where small effects explain much together.
     """
 
     chosen: Hypothesis
@@ -40,6 +41,7 @@ class Selection:
     unknown: tuple[str, ...]
     small_together: tuple[str, ...]
     suspected: tuple[int, ...] = ()
+    fullest: tuple[int, ...] = ()
 
 
 def select(design: Design, config: SelectLimits, begun: Sequence[int] = ()) -> Selection:
@@ -49,11 +51,13 @@ def select(design: Design, config: SelectLimits, begun: Sequence[int] = ()) -> S
     by itself may stand in for several others.
     """
     judge = Selector(design, config)
-    ends = [_grown(judge, members) for members in dict.fromkeys([(), tuple(begun)])]
-    best = min(ends, key=lambda end: judge.score(end.members, ends[0].inflate).score)
-    current, small = without_small(judge, best)
+    grown = [_grown(judge, members) for members in dict.fromkeys([(), tuple(begun)])]
+    ends = [_plain(judge, full) for full in grown]
+    place = min(range(len(ends)), key=lambda i: judge.score(ends[i].members, ends[0].inflate).score)
+    current, small = without_small(judge, ends[place])
     current, suspected = with_suspect(judge, with_lens(judge, _prune(judge, current)))
-    return replace(_described(judge, current, small), suspected=suspected)
+    fullest = () if small or set(grown[place].members) <= set(current.members) else tuple(grown[place].members)
+    return replace(_described(judge, current, small), suspected=suspected, fullest=fullest)
 
 
 def _grown(judge: Selector, members: Sequence[int]) -> Hypothesis:
@@ -64,14 +68,18 @@ def _grown(judge: Selector, members: Sequence[int]) -> Hypothesis:
         if better is None:
             break
         current = _curved(judge, _exchange(judge, better))
-    return _plain(judge, _prune(judge, current))
+    return _prune(judge, current)
 
 
 def narrowed(design: Design, config: SelectLimits, selection: Selection, members: Sequence[int]) -> Selection:
     """The selection with these of its members alone, fitted anew."""
     judge = Selector(design, config)
     left = _described(judge, rescored(judge, members), selection.small_together)
-    return replace(left, suspected=tuple(m for m in selection.suspected if m in members))
+    return replace(
+        left,
+        suspected=tuple(m for m in selection.suspected if m in members),
+        fullest=selection.fullest,
+    )
 
 
 def _best_addition(judge: Selector, current: Hypothesis) -> Hypothesis | None:
@@ -157,20 +165,31 @@ def _prune(judge: Selector, current: Hypothesis) -> Hypothesis:
 def weak(judge: Selector, current: Hypothesis) -> list[tuple[float, int]]:
     """Members whose absence costs little: what each explains (metres RMS over all pixels), and its place."""
     lost, visible = worth(judge, current)
-    total, of_effect = float((visible**2).sum()), _of_effect(judge, current, visible)
+    totals, of_effect = _totals(judge, current, visible), _of_effect(judge, current, visible)
     return [
         (v, i)
         for i, (gain, v) in enumerate(zip(lost, visible, strict=True))
         if not judge.needed_by_calibration(judge.design.candidates[current.members[i]].name, current)
         and (
             gain < judge.gain(current.members[i])
-            or of_effect[i] < judge.share(current.members[i]) * total
+            or of_effect[i] < judge.share(current.members[i]) * totals[i]
             or gain < judge.config.absorbed * _absorbable(judge, current, i)
             or gain < _lacking(judge, current, i)
             or gain < _rough(judge, current, i, lost)
             or not shown(judge, current, i)
         )
     ]
+
+
+def _totals(judge: Selector, current: Hypothesis, visible: Float) -> list[float]:
+    """Per member: energy (m^2) of which its effect must explain a share, since the maps of the others are never exact.
+
+    That is the energy of all members, but without that of patterns in the image (`Effect.IN_IMAGE`) for effects that are none.
+    """
+    effects = [judge.design.candidates[m].effect for m in current.members]
+    in_image = np.array([e is not None and e.IN_IMAGE for e in effects], bool)
+    whole, changing = float((visible**2).sum()), float((visible[~in_image] ** 2).sum())
+    return [whole if fixed else changing for fixed in in_image]
 
 
 def _of_effect(judge: Selector, current: Hypothesis, visible: Float) -> list[float]:

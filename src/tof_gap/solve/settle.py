@@ -42,7 +42,7 @@ def settled(joint: Joint, config: GapConfig) -> Joint:
     views = tuple(replace(v, pixels=drawn(v.smooth, config.solve.joint.settle_pixels, rng)) for v in joint.views)
     denser = sum(len(v.pixels) for v in views) / max(sum(len(v.pixels) for v in joint.views), 1)
     chosen, ties = joint.selection.chosen, joint.selection.ties
-    kept = list(dict.fromkeys([*chosen.members, *(other for of_one in ties for other in of_one)]))
+    kept = list(dict.fromkeys([*chosen.members, *joint.selection.fullest, *(other for of_one in ties for other in of_one)]))
     store = ColumnStore(views, deal(joint.chain.station.tolist(), config.select.folds))
     design = build(store, [joint.design.candidates[m] for m in kept], joint.chain, config.hand_sd, config.lens_sd)
     # An error that neighbours share covers more of the drawn pixels, by the ratio of their density.
@@ -56,5 +56,6 @@ def settled(joint: Joint, config: GapConfig) -> Joint:
         joint.selection.unknown,
         joint.selection.small_together,
         tuple(kept.index(m) for m in joint.selection.suspected),
+        tuple(kept.index(m) for m in joint.selection.fullest),
     )
     return replace(joint, views=views, design=design, selection=selection)

@@ -40,6 +40,7 @@ class FixedPattern(FieldEffect):
     SEPARATED_BY: ClassVar[str] = "a flat wall seen from several distances"
     ACTIONS: ClassVar = (ASIDE, NEARER, FARTHER)
     LOCAL: ClassVar[bool] = False
+    IN_IMAGE: ClassVar[bool] = True
 
     values: tuple[float, ...] = ()
     order: int = param(4, "smooth field: cosines per axis", low=1, high=16)

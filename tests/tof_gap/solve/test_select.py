@@ -105,6 +105,7 @@ def test_terms_of_its_own_must_explain_what_an_effect_must(scale: float, expecte
     d = design(plain(RangeOffset(), AmplitudeBias(), DepthScale()), [0.0, 0.9, scale], copies=(0, 1))
     found = select(d, SelectLimits())
     assert names(d, found.chosen.members) == expected
+    assert names(d, found.fullest) == (["amplitude_bias", "depth_scale"] if scale else [])
     assert not any(found.ties)
 
 
@@ -113,6 +114,7 @@ def test_small_effects_beyond_the_second_are_a_crowd() -> None:
     found = select(d := design(effects, [0.6, 0.5, 0.2, 0.2, 0.2, 0.0]), SelectLimits())
     assert names(d, found.chosen.members) == ["depth_scale", "range_offset"]
     assert set(found.small_together) == {"temperature_drift", "wiggling", "multipath"}
+    assert found.fullest == (), "much is explained together: these are no errors of a healthy camera"
     # Three of a size are three effects, and one that hardly shows makes up for a map that is not exact.
     three = select(d := design(effects, [0.5, 0.5, 0.5, 0.0, 0.0, 0.0]), SelectLimits())
     assert len(three.chosen.members) == 3
@@ -125,6 +127,16 @@ def test_small_effects_beyond_the_second_are_a_crowd() -> None:
     trifle = select(design(effects, [1.5, 1.2, 0.12, 0.0, 0.0, 0.0]), SelectLimits(share=0.0))
     assert len(trifle.chosen.members) == 2
     assert trifle.small_together == ()
+    assert len(trifle.fullest) == 3
+
+
+@pytest.mark.parametrize(
+    ("strong", "expected"), [(FixedPattern(), ["depth_scale", "fixed_pattern"]), (TemperatureDrift(), ["temperature_drift"])]
+)
+def test_what_a_pattern_in_the_image_explains_does_not_hide_an_effect_of_range(strong: Effect, expected: list[str]) -> None:
+    """The second effect has 0.5 % of the energy; what the pattern's map leaves is the same in all views, and never like it."""
+    d = design(plain(strong, DepthScale()), [4.0, 0.3])
+    assert names(d, select(d, SelectLimits()).chosen.members) == expected
 
 
 def test_a_small_effect_that_takes_much_of_what_is_left_is_no_coincidence() -> None:
