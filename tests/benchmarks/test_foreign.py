@@ -16,7 +16,7 @@ import pytest
 from benchmarks.emerging.causes import CAUSES
 from benchmarks.gap_check.foreign.cases import NAMED, ROBOTS, SCENES, draw_foreign
 from benchmarks.gap_check.foreign.record import planned, record_foreign, shown
-from benchmarks.gap_check.foreign.score import ForeignRow, judge, shrink_of, wrong_ones
+from benchmarks.gap_check.foreign.score import ForeignRow, as_meant, judge, shrink_of, wrong_ones
 from benchmarks.gap_check.foreign.second import Promised
 from benchmarks.gap_check.foreign.second import table as table_of_promises
 from benchmarks.gap_check.foreign.separable import correlation, poses, separability
@@ -197,6 +197,21 @@ def test_verdicts(sealed: dict[str, Any], verdict: tuple[str, ...], miss: str, w
     named = wrong_ones(verdict, tuple(sealed["effects"]), sealed["left_out"])
     assert named == wrong
     assert judge(sealed, verdict, named) == miss
+
+
+@pytest.mark.parametrize(
+    ("causes", "verdict", "meant"),
+    [
+        (["short_second_exposure"], ("dropout",), ("phase_wrap",)),
+        (["short_second_exposure", "hazy_lens"], ("dropout", "lens_scatter", "phase_wrap"), ("lens_scatter", "phase_wrap")),
+        (["short_second_exposure", "strict_threshold"], ("dropout",), ("dropout",)),  # the threshold's own
+        (["hazy_lens"], ("dropout", "lens_scatter"), ("dropout", "lens_scatter")),
+    ],
+)
+def test_pixels_that_firmware_drops_for_wrong_unwrapping_are_named_either_way(
+    causes: list[str], verdict: tuple[str, ...], meant: tuple[str, ...]
+) -> None:
+    assert as_meant(verdict, causes) == meant
 
 
 def test_of_three_effects_those_that_hardly_matter_need_not_be_named() -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.emerging.causes import OUTSIDE
+from benchmarks.emerging.causes import CAUSES, OUTSIDE
 from benchmarks.gap_check.foreign.separable import SMOOTH_M, correlation, poses
 from benchmarks.gap_check.record import BAGS, opened, sealed_names
 from benchmarks.gap_check.score import EVERYWHERE, LOCALISED, auroc
@@ -18,7 +18,7 @@ from benchmarks.gap_check.separable import Truth, label_error
 from tof_core.progress import progress
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
     from collections.abc import Set as AbstractSet
     from pathlib import Path
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 MATTERS = 0.15
 """Share of the gap above which each effect of three must be named."""
 PLAIN = frozenset({"none", "unknown"})
-WRAPPED, MIXED, LATE = "phase_wrap", "flying_pixels", "time_sync"
+WRAPPED, LOST, MIXED, LATE = "phase_wrap", "dropout", "flying_pixels", "time_sync"
 MAPS_ALIKE_ELSEWHERE = frozenset({"emitter_offset"})
 MOTIONS = frozenset({"hand_eye", "intrinsics"})
 """Effects that move the camera or turn its rays: after the freedom of arms only the second order of their maps would be left."""
@@ -102,8 +102,9 @@ def score_one(sealed: Path, bag: Path, out: Path) -> ForeignRow:
         return row(("refused",), hit=False, miss="refused", wrong=())
     report = json.loads((out / "gap.json").read_text())
     verdict = tuple(report["verdict"])
-    wrong = wrong_ones(verdict, effects, case["left_out"])
-    miss = judge(case, verdict, wrong)
+    meant = as_meant(verdict, case["causes"])
+    wrong = wrong_ones(meant, effects, case["left_out"])
+    miss = judge(case, meant, wrong)
     maps, truth = np.load(out / "gap_maps.npz"), Truth(sealed, bag)
     place, likeness = (None, None) if case["left_out"] else _maps(effects, maps, truth)
     found = {n for v in verdict for n in v.split("|")} & set(effects)
@@ -120,8 +121,15 @@ def score_one(sealed: Path, bag: Path, out: Path) -> ForeignRow:
         true_shrink=true,
         covered=covered,
         label_mm=_label(truth, maps, effects),
-        confidence=tuple((c["effect"], c["confidence"], c["effect"] in effects) for c in report["causes"]),
+        confidence=tuple((c["effect"], c["confidence"], as_meant((c["effect"],), case["causes"])[0] in effects) for c in report["causes"]),
     )
+
+
+def as_meant(verdict: tuple[str, ...], causes: Collection[str]) -> tuple[str, ...]:
+    """The verdict with `phase_wrap` for `dropout` where firmware drops the pixels that it unwraps wrongly: either name is right."""
+    if not any(CAUSES[c].effect == WRAPPED for c in causes) or any(CAUSES[c].effect == LOST for c in causes):
+        return verdict
+    return tuple(sorted({WRAPPED if v == LOST else v for v in verdict}))
 
 
 def wrong_ones(verdict: tuple[str, ...], effects: tuple[str, ...], left_out: str) -> tuple[str, ...]:
