@@ -24,7 +24,7 @@ class Cause:
     `effect`: the vocabulary's name for what it does, or `outside <what it is>`. `knob`: the device's quantity that it changes, from
     the healthy value by the cause's size; `beside`: further quantities, per unit of size. `start`: a size of about strength 1;
     `limit`: beyond it the cause is not physical. `metric`: what its strength is measured in: `bias` (3 mm RMS over affected
-    pixels), `noise` (3 mm RMS of additional noise), `loss` (a tenth of the pixels), `wrap` (a twentieth of the pixels wrapped or lost), or `size`
+    pixels), `noise` (3 mm RMS of additional noise), `loss` (a tenth of the pixels), `wrap` (a tenth of the pixels wrapped or lost), or `size`
     (`start` times the strength: what a millimetre does not measure, or the calibration prior must be exceeded by). `settings`: what comes with it, at any size; `moving`: the hand moves during captures.
     """
 
