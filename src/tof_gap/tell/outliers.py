@@ -36,8 +36,8 @@ def removed_outliers(loss: Finding, beside: Sequence[Finding], limits: FilterLim
 
 
 def fails_to_merge(found: Finding) -> bool:
-    """Whether merging of frequencies fails: jumps that no single frequency makes, or wrapped pixels that a filter removed."""
-    return isinstance(found.effect, PhaseWrap) and (len(found.effect.others_m) > 0 or _removed_wraps(found))
+    """Whether merging of frequencies fails: single pixels jump, or by lengths that no single frequency has. Beyond its range, most pixels jump."""
+    return isinstance(found.effect, PhaseWrap) and (found.effect.makes_outliers or len(found.effect.others_m) > 0)
 
 
 def _removed_wraps(found: Finding) -> bool:

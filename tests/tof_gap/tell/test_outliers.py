@@ -3,15 +3,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 
 from tof_gap.limits.missing import FilterLimits
 from tof_gap.seen.finding import Finding
-from tof_gap.tell.outliers import removed_outliers
+from tof_gap.tell.outliers import fails_to_merge, removed_outliers
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
+
+if TYPE_CHECKING:
+    from tof_sensor.effect import Effect
 
 LIMITS = FilterLimits()
 
@@ -34,6 +39,19 @@ def test_loss_that_is_neither_random_nor_below_a_threshold_may_be_a_filter_s(los
 def test_pixels_that_are_unwrapped_wrongly_here_and_there_are_what_a_filter_removes(share: float, *, scattered: bool) -> None:
     loss = Finding(Dropout(threshold=0.3, random=0.2), 1.0)
     assert removed_outliers(loss, [Finding(PhaseWrap(share=share), 1.0)], LIMITS) is scattered
+
+
+@pytest.mark.parametrize(
+    ("wrap", "fails"),
+    [
+        (PhaseWrap(share=0.004), True),  # single pixels jump by a period of one of two frequencies
+        (PhaseWrap(share=0.95), False),  # all pixels beyond the range of one frequency
+        (PhaseWrap(share=0.95, others_m=(0.6,), others_share=(0.3,)), True),
+        (Dropout(threshold=0.1), False),
+    ],
+)
+def test_frequencies_fail_to_merge_where_single_pixels_jump_or_by_several_lengths(wrap: Effect, *, fails: bool) -> None:
+    assert fails_to_merge(Finding(wrap, 0.95, corrects=True)) is fails
 
 
 def test_holes_around_pixels_with_a_noise_of_their_own_are_no_failed_unwrapping() -> None:
