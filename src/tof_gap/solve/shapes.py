@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from tof_sensor.effect import Finer
 
 
+FARTHER = 3
+"""Times that a search goes on from the end of its width: from a form at 90 MHz to 257 MHz, beyond the 200 MHz of today's fastest cameras."""
+
+
 def refined(store: ColumnStore, design: Design, selection: Selection, chain: Chain, config: GapConfig) -> list[Candidate]:
     """Finer shapes around those of the chosen effects; none of a suspected one, whose shape the views do not determine."""
     chosen = [design.candidates[m] for m in selection.chosen.members]
@@ -33,9 +37,27 @@ def refined(store: ColumnStore, design: Design, selection: Selection, chain: Cha
         others = [c for i, c in enumerate(chosen) if i != place]
         best = candidate.effect
         for finer in candidate.effect.FINER:
-            best = _best_shape(best, finer, others, store, chain, config, selection.chosen.inflate)
+            best = _farther(best, finer, others, store, chain, config, selection.chosen.inflate)
         out.append(Candidate(best.NAME, best, "refined"))
     return out
+
+
+def _farther(
+    effect: Any,
+    finer: Finer,
+    others: list[Candidate],
+    store: ColumnStore,
+    chain: Chain,
+    config: GapConfig,
+    inflate: float,
+) -> Any:
+    """The best effect of a pass; one at the end of the pass's width is the middle of the next, since candidates do not reach every camera."""
+    for _ in range(1 + FARTHER):
+        tried = finer.near(getattr(effect, finer.parameter))
+        effect = _best_shape(effect, finer, others, store, chain, config, inflate)
+        if not finer.relative or getattr(effect, finer.parameter) not in (float(tried[0]), float(tried[-1])):
+            break
+    return effect
 
 
 def _best_shape(
@@ -54,7 +76,9 @@ def _best_shape(
     value = getattr(effect, finer.parameter)
     if finer.relative and value == 0.0:
         return effect
-    near_by = [replace(effect, **{finer.parameter: float(x)}) for x in finer.near(value)]
+    bounds = type(effect).__dataclass_fields__[finer.parameter].metadata
+    low, high = (np.inf * sign if bounds.get(end) is None else bounds[end] for end, sign in (("low", -1), ("high", 1)))
+    near_by = [replace(effect, **{finer.parameter: float(x)}) for x in np.clip(finer.near(value), low, high)]
     trial = [Candidate(e.NAME, e) for e in near_by]
     # A hundred shapes are tried and one is used: those of a long session would take half a gigabyte beside the store's own.
     judge = Selector(build(copy(store), [*others, *trial], chain, config.hand_sd, config.lens_sd), config.select)

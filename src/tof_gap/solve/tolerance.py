@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from tof_gap.solved import Named
 
 
+MOST_PIXELS = 4_000_000
+"""Pixels of a session of which the size of a map is taken; of more, every third or fifth: all of a long session are a gigabyte."""
+
+
 def calibrated(one: Named, stated: Calibration, camera: Camera) -> bool:
     """Whether a named effect is hand-eye, lens, or scale before a printed board, and within the stated calibration."""
     if one.name == HAND_EYE:
@@ -33,15 +37,18 @@ def calibrated(one: Named, stated: Calibration, camera: Camera) -> bool:
 
 
 def sizes_m(maps: Mapping[str, Sequence[Float]], views: Sequence[ViewEvidence], held_out: Sequence[int]) -> dict[str, float]:
-    """Size in metres of each map ((H, W) metres per view) that the held-out views confirm.
+    """Size in metres of each map ((H, W) metres per view) over all views, by the share of its energy that the held-out views confirm.
 
-    Effects with their largest errors at edges (`Effect.AT_EDGES`) are not fitted there: the share confirmed elsewhere is assumed.
+    The held-out views may see more or less of an effect on a single part than the others. Effects with their largest errors at edges
+    (`Effect.AT_EDGES`) are not fitted there: the share confirmed elsewhere is assumed.
     """
     left = {k: views[k].residual - sum((np.nan_to_num(m[k]) for m in maps.values()), np.zeros(views[k].residual.shape)) for k in held_out}
+    every = 1 + 2 * (sum(v.residual.size for v in views) // MOST_PIXELS)  # Odd: else columns of the image would be left out.
     out = {}
     for name, by_view in maps.items():
         fitted, errors = (np.concatenate([np.nan_to_num(m[k][views[k].smooth]) for k in held_out]) for m in (by_view, left))
-        everywhere = np.concatenate([_one_surface(by_view[k], views[k]) for k in held_out]) if _errs_at_edges(name) else fitted
+        values = _one_surface if _errs_at_edges(name) else _fitted
+        everywhere = np.concatenate([values(m, v)[::every] for m, v in zip(by_view, views, strict=True)])
         out[name] = float(np.sqrt(confirmed(fitted, errors) * mean_square(everywhere)))
     return out
 
@@ -73,6 +80,11 @@ def mean_square(effect: Float) -> float:
 
 def _errs_at_edges(name: str) -> bool:
     return name in EFFECTS and EFFECTS[name].AT_EDGES
+
+
+def _fitted(effect: Float, view: ViewEvidence) -> Float:
+    """(n,) metres of a map at the pixels of the CAD away from edges."""
+    return np.asarray(np.nan_to_num(effect[view.smooth]))
 
 
 def _one_surface(effect: Float, view: ViewEvidence) -> Float:

@@ -12,6 +12,7 @@ from tof_core.shares import in_percent
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
+    from tof_core.calibration import Calibration
     from tof_gap.seen.finding import Finding
     from tof_gap.tell.unexplained import Unexplained
     from tof_sensor.session import Course
@@ -175,6 +176,26 @@ def spaced(name: str) -> str:
 def expected_words(findings: Iterable[Finding]) -> list[str]:
     """Effects that the camera is known to have or has by design, each with its size."""
     return [f"expected of this camera: {f.name}{f' ({f.size or f.note})' if f.size or f.note else ''}" for f in findings if f.expected]
+
+
+def calibration_words(stated: Calibration) -> str:
+    """What the stated calibration allows, or that none is stated."""
+    mount, lens = stated.hand_eye, stated.lens
+    parts = [
+        *([f"hand-eye to {mount.translation_mm:g} mm and {mount.rotation_deg:g} degrees"] if any(stated.hand_eye_most) else []),
+        *([f"lens to {lens.principal_point_px:g} px and {lens.focal_pct:g} %"] if stated.lens_sd.any() else []),
+        *([f"albedos to {percent(stated.albedo.relative)}"] if stated.albedo.relative else []),
+    ]
+    if not parts:
+        return "calibration: none is stated, so hand-eye and lens count as exact (calibration.yaml beside scene.yaml, docs/calibration.md)"
+    return f"calibration, as stated: {', '.join(parts)}"
+
+
+def doubt_words(unexplained: float, doubt: float) -> str:
+    """Why no effect is asserted."""
+    return (
+        f"no effect is asserted: {in_percent(unexplained, 1)} of the gap is unexplained, and from {percent(doubt)} on effects are only suspected"
+    )
 
 
 def listed(names: Sequence[str], last: str = "and") -> str:

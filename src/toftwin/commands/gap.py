@@ -185,7 +185,17 @@ def summary(d: Diagnosis) -> str:
     """Summary of the diagnosis for a terminal."""
     from tof_gap.seen.finding import not_expected
     from tof_gap.tell.report import arm_errors, arm_prior
-    from tof_gap.tell.words import expected_words, interval, percent, spaced, unexplained_words, untested_words, where_to_look
+    from tof_gap.tell.words import (
+        calibration_words,
+        doubt_words,
+        expected_words,
+        interval,
+        percent,
+        spaced,
+        unexplained_words,
+        untested_words,
+        where_to_look,
+    )
     from tof_scene.world.words import lines as world_lines
     from tof_scene.world.words import of_views
 
@@ -202,6 +212,8 @@ def summary(d: Diagnosis) -> str:
             lines.append("without pixels at edges, which cover two surfaces: {:.2f} mm, of which {:.2f} mm remain".format(*g.off_edges_mm))
         if g.shrink is not None and g.ci95 is not None:
             lines.append(f"the squared gap shrinks by {percent(g.shrink)}; the true effects would shrink it by {interval(g.ci95)}")
+    elif d.doubted and d.causes:
+        lines.append(doubt_words(d.unexplained.share, d.config.report.unexplained.doubt))
     elif not agrees:
         lines.append("no effect is certain enough to be simulated: the gap remains")
     lines += [cause_line(c, d) for c in d.causes]
@@ -211,8 +223,9 @@ def summary(d: Diagnosis) -> str:
     if d.chain.root is None:
         seen, expected = ("{:.1f} mm and {:.2f} degrees".format(*of(d)) for of in (arm_errors, arm_prior))
         lines.append(
-            f"errors of the arm from view to view: {seen} RMS (expected of this robot, align.priors.arm_mm and arm_deg: {expected})"
+            f"errors of the arm from view to view: {seen} RMS over all axes (expected by align.priors.arm_mm and arm_deg per axis: {expected})"
         )
+        lines.append(calibration_words(d.config.calibration))
     if d.unexplained.structured:
         left = unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes))
         suspects = [spaced(c.named.name) for c in d.causes if d.suspected(c)]

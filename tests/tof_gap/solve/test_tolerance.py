@@ -87,6 +87,17 @@ def test_what_smears_is_as_large_as_its_map_at_edges_and_other_effects_as_where_
     assert sizes_m({"wiggling": maps}, fitted, [0, 1, 2])["wiggling"] == pytest.approx(4e-3, rel=0.05)
 
 
+def test_a_size_is_that_over_all_views_though_the_held_out_ones_see_less_of_it() -> None:
+    """Gloss of one part: 1 mm in the held-out view, 4 mm in the others; a map twice too large is confirmed by nothing in either."""
+    seen = views(np.random.default_rng(0))
+    sizes = np.array([1e-3, *[4e-3] * (len(seen) - 1)])
+    off = [np.full(SHAPE, size) for size in sizes]
+    fitted = [replace(v, residual=v.residual + o) for v, o in zip(seen, off, strict=True)]
+    over_all = np.sqrt(np.mean(sizes**2))
+    assert sizes_m({"specular": off}, fitted, [0])["specular"] == pytest.approx(over_all, rel=0.1)
+    assert sizes_m({"specular": [2 * o for o in off]}, fitted, [0])["specular"] < 0.5 * over_all
+
+
 def test_a_map_has_the_share_of_the_energy_that_it_has_over_all_pixels() -> None:
     """8 mm on one pixel in a hundred, where nothing else is, beside 4 mm on the others: 64 of 64 + 99 * 16."""
     late, taps = np.full((10, 10), 4e-3), np.full((10, 10), np.nan)

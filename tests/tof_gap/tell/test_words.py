@@ -7,9 +7,12 @@ from typing import Any
 
 import pytest
 
+from tof_core.calibration import AlbedoLimits, Calibration, HandEyeLimits, LensLimits
 from tof_gap.seen.finding import Finding
 from tof_gap.tell.unexplained import Unexplained
 from tof_gap.tell.words import (
+    calibration_words,
+    doubt_words,
     expected_words,
     interval,
     sentence,
@@ -222,3 +225,16 @@ def test_effects_that_are_not_testable_for_one_reason_share_a_line() -> None:
     reasons = {"ambient": "no law", "motion": "no view was taken in motion", "time_sync": "no view was taken in motion"}
     assert untested_words(reasons) == ["not testable: ambient (no law)", "not testable: motion, time_sync (no view was taken in motion)"]
     assert untested_words({"ambient": "no law"}, " here") == ["not testable here: ambient (no law)"]
+
+
+def test_a_stated_calibration_is_said_and_its_absence_too() -> None:
+    stated = Calibration(HandEyeLimits(2.0, 0.2), LensLimits(0.3, 0.1), AlbedoLimits(0.4))
+    assert (
+        calibration_words(stated) == "calibration, as stated: hand-eye to 2 mm and 0.2 degrees, lens to 0.3 px and 0.1 %, albedos to 40 %"
+    )
+    assert calibration_words(Calibration(lens=LensLimits(focal_pct=0.1))) == "calibration, as stated: lens to 0 px and 0.1 %"
+    assert calibration_words(Calibration()).startswith("calibration: none is stated, so hand-eye and lens count as exact")
+
+
+def test_a_doubt_says_how_much_is_unexplained_and_how_much_may_be() -> None:
+    assert doubt_words(0.056, 0.05) == "no effect is asserted: 5.6 % of the gap is unexplained, and from 5 % on effects are only suspected"
