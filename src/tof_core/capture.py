@@ -93,6 +93,8 @@ class View:
     """(H, W) standard deviation of one capture in metres over the dwell, where known."""
     code_m: float | None = None
     """Metres between the codes of the depth that the camera wrote; 0: no codes; None: not looked for, or not stated before a conversion."""
+    written_m: float = 0.0
+    """Metres between the depths that a message of the camera can hold; 0: not known, or continuous. Means of n captures lie on n-th parts."""
 
     @property
     def valid(self) -> Mask:

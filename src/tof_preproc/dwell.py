@@ -107,6 +107,7 @@ class Dwell:
             temperature=last.temperature,
             noise=np.where(valid, result.noise, np.nan).astype(np.float32),
             code_m=step or None,
+            written_m=self._quantum,
         )
         return view, report
 

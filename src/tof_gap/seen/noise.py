@@ -93,7 +93,8 @@ def noise_effects(
     if step > limits.step_mm * 1e-3:  # Coarse steps make contours and uneven noise.
         if Quantization.NAME in left_out:
             return []
-        coarse = Quantization(step_m=step, along_ray=steps_along_ray(views, step))
+        of_one = max(step, float(np.median([v.view.written_m for v in views])))  # A mean of captures lies on parts of their steps.
+        coarse = Quantization(step_m=of_one, along_ray=steps_along_ray(views, of_one))
         return [Finding(coarse, 1.0, share=constant_map(views, step / np.sqrt(12)))]
     # Structure, such as edges of texture and rounded creases, grows with distance as noise does that neighbours share. Only beside a
     # stated law is the variance itself asked for; else views and amplitudes are compared with each other, by next neighbours alone.

@@ -45,12 +45,14 @@ def phase_wrap(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding 
     jumps = np.sort(np.concatenate([_whole(size), others]))
     maps = [_wraps(v, jumps, limits) for v in views]
     start, share = _where_wrapped(views, maps, limits, short=short)
+    captures = max(v.view.captures for v in views)
+    own = [i for i, other in enumerate(others) if not _of_a_mean(other, size, captures, limits.turn_spread_mm * 1e-3)]
     effect = PhaseWrap(
         modulation_mhz=LIGHT_M_PER_S / (2e6 * size),
         start_m=start if short else -start,
         share=share,
-        others_m=others,
-        others_share=others_share,
+        others_m=tuple(others[i] for i in own),
+        others_share=tuple(others_share[i] for i in own),
     )
     return Finding(effect, CONFIDENT, share=np.stack(maps), corrects=True)
 
@@ -79,6 +81,12 @@ def _other_jumps(sizes: Float, size: float, limits: MissingLimits, least: float)
         found.append((jump, float(own.sum()) / len(sizes)))
         left = left[~own]
     return tuple(jump for jump, _ in found), tuple(share for _, share in found)
+
+
+def _of_a_mean(jump: float, size: float, captures: int, spread: float) -> bool:
+    """Whether some of the captures of a mean jump by `size` and the others do not: no capture jumps by `jump`."""
+    parts = np.unique([k / n for n in range(2, captures + 1) for k in range(1, n)])
+    return bool((np.abs(jump - size * parts) < spread).any())
 
 
 def _wraps(view: ViewEvidence, jumps: Float, limits: MissingLimits) -> Float:

@@ -193,9 +193,7 @@ def calibration_words(stated: Calibration) -> str:
 
 def doubt_words(unexplained: float, doubt: float) -> str:
     """Why no effect is asserted."""
-    return (
-        f"no effect is asserted: {in_percent(unexplained, 1)} of the gap is unexplained, and from {percent(doubt)} on effects are only suspected"
-    )
+    return f"no effect is asserted: {in_percent(unexplained, 1)} of the gap is unexplained, and from {percent(doubt)} on effects are only suspected"
 
 
 def listed(names: Sequence[str], last: str = "and") -> str:

@@ -140,6 +140,20 @@ def test_a_jump_shorter_than_any_turn_is_no_lost_turn(turn_m: float, names: list
     assert [f.name for f in missing_effects(views(np.random.default_rng(5), jump), MissingLimits())] == names
 
 
+@pytest.mark.parametrize(("captures", "stated"), [(1, (0.39,)), (3, ())])
+def test_half_of_a_jump_is_that_of_a_mean_of_captures(captures: int, stated: tuple[float, ...]) -> None:
+    """Of two captures one jumps by 0.78 m: the mean is off by 0.39 m, which no capture is. It is subtracted all the same."""
+    jump = np.array([0.0, 0.78, 0.39])[np.random.default_rng(7).choice(3, p=[0.9, 0.07, 0.03], size=(VIEWS, *SHAPE))]
+    seen = [replace(v, view=replace(v.view, captures=captures)) for v in views(np.random.default_rng(5), jump)]
+    found = next(f for f in missing_effects(seen, MissingLimits()) if isinstance(f.effect, PhaseWrap))
+    assert found.effect.turn_m == pytest.approx(0.78, abs=1e-3)
+    assert found.effect.others_m == pytest.approx(stated, abs=1e-3)
+    assert found.share is not None
+    half = np.abs(jump - 0.39) < 1e-9
+    lengths = np.stack([v.frame.length for v in seen])
+    assert np.nanmedian((found.share * lengths)[half]) == pytest.approx(0.39, abs=2e-3)
+
+
 def test_a_wrong_choice_among_three_frequencies_lands_at_several_jumps() -> None:
     """16, 80 and 120 MHz: 0.625, 0.75 and 0.9375 m; 1.5 m is two whole turns of none, and too rare to be stated."""
     rng = np.random.default_rng(7)

@@ -73,3 +73,12 @@ def test_the_finding_says_along_what_the_steps_are(along_ray: bool) -> None:  # 
     assert steps_along_ray(seen, 0.0112) == along_ray
     (found,) = noise_effects(seen, NoiseLimits())
     assert found.effect == Quantization(step_m=0.0112, along_ray=along_ray)
+
+
+@pytest.mark.parametrize(("written_m", "stated_m"), [(0.0, 0.004), (0.012, 0.012)])
+def test_the_step_of_a_message_is_stated_and_not_that_of_a_mean_of_captures(written_m: float, stated_m: float) -> None:
+    """Three captures in steps of 12 mm, whose noise takes all thirds of a step alike."""
+    evidence = [replace(v, step_m=0.004, view=replace(v.view, captures=3, written_m=written_m)) for v in views(np.random.default_rng(0))]
+    (found,) = noise_effects(evidence, NoiseLimits())
+    assert isinstance(found.effect, Quantization)
+    assert found.effect.step_m == pytest.approx(stated_m)
