@@ -82,7 +82,10 @@ class TemperatureDrift(CurveEffect):
             return self.stated
         size, unit = (100.0, "% of the range") if self.gain else (1e3, "mm")
         digits = 2 if self.gain else 1
-        first, last = (f"{size * v:+.{digits}f}" for v in (self._at(0.0, course.first_c), self._at(course.seconds, course.last_c)))
+        ends = (self._at(0.0, course.first_c), self._at(course.seconds, course.last_c))
+        first, last, change = (f"{size * v:+.{digits}f}" for v in (*ends, ends[1] - ends[0]))
+        if abs(ends[0]) > OFFSET * abs(ends[1] - ends[0]):
+            return f"by {change} {unit} in {course.seconds / 60:.1f} min, beside {first} {unit} from the start on, which may be a constant offset"
         end = ", too slow for a time constant to show" if slow and len(terms) == 1 else ""
         return f"from {first} {unit} at the start to {last} {unit} after {course.seconds / 60:.1f} min{end}"
 
@@ -169,5 +172,7 @@ class TemperatureDrift(CurveEffect):
 
 TIME_CONSTANTS_S = (60.0, 300.0, 1200.0)
 """Usual time constants of a lamp's driver, a sensor and a housing, seconds."""
+OFFSET = 2.0
+"""Ratio of the error at the start to its change over the session, from which most of it may be an offset that does not drift."""
 CHANGES = 0.5
 """Least change of a warm-up during a session with a steady thermometer, as a share; a smaller change cannot be distinguished from a constant offset."""
