@@ -47,3 +47,9 @@ def ray_shift(rays: Float, camera: Camera) -> Float:
 def apart_px(one: Camera, other: Camera) -> float:
     """Largest angle between the rays of one pixel through two lenses, in pixels of the first."""
     return float(np.nanmax(np.abs(one.rays() - other.rays())) / one.pixel_angle)
+
+
+def apart_rms_px(one: Camera, other: Camera) -> float:
+    """RMS over the image of the angle between the rays of one pixel through two lenses, in pixels of the first."""
+    off = (one.rays() - other.rays())[..., :2]
+    return float(np.sqrt(np.nanmean(np.sum(off**2, axis=-1))) / one.pixel_angle)

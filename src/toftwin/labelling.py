@@ -13,7 +13,7 @@ import numpy as np
 from tof_core.capture import View
 from tof_core.config import to_mapping
 from tof_core.errors import RefusedError, UsageError
-from tof_core.lens import apart_px
+from tof_core.lens import apart_px, apart_rms_px
 from tof_core.progress import progress
 from tof_core.yamlio import save_yaml
 from tof_eval.pooled import PooledError
@@ -233,10 +233,11 @@ class _Job:
 def _lens_note(stated: Camera, posed: Sequence[Posed], least_px: float) -> str:
     """A note where the session's lens differs from CameraInfo's by `least_px` and more."""
     lens = next((p.camera for p in posed if p.camera is not None), None)
-    apart = 0.0 if lens is None else apart_px(stated, lens)
-    if apart < least_px:
+    most = 0.0 if lens is None else apart_px(stated, lens)
+    if lens is None or most < least_px:
         return ""
-    return f"the session shows a lens up to {apart:.1f} px off camera_info: labels are rendered through the lens found"
+    off = f"{apart_rms_px(stated, lens):.1f} px RMS off camera_info, {most:.1f} px at the pixel that is off most"
+    return f"the session shows a lens {off}: labels are rendered through the lens found"
 
 
 def _itself(label: Label) -> Label:

@@ -163,4 +163,6 @@ def test_a_lens_that_contradicts_camera_info_is_reported() -> None:
     near, other = (with_lens(stated, np.array([0.0, 0.0, px, 0.0, 0.0, 0.0, 0.0, 0.0])) for px in (0.05, 2.0))
     assert _lens_note(stated, [pose, pose], 0.1) == ""
     assert _lens_note(stated, [pose, replace(pose, camera=near)], 0.1) == ""
-    assert "2.0 px off camera_info" in _lens_note(stated, [pose, replace(pose, camera=other)], 0.1)
+    assert "a lens 2.0 px RMS off camera_info, 2.0 px at the pixel that is off most" in _lens_note(
+        stated, [pose, replace(pose, camera=other)], 0.1
+    )

@@ -167,11 +167,15 @@ def dropout(
 
 
 def _too_weak(views: Sequence[ViewEvidence], loss: Dropout, law: PhotonLaw | None, limits: MissingLimits) -> bool:
-    """Whether depth at the threshold amplitude is too noisy for any use: a camera drops such pixels by design."""
+    """Whether depth at the threshold amplitude is too noisy for any use: a camera drops such pixels by design.
+
+    A camera that averages over neighbours compares the amplitude of single pixels, before their noise is averaged.
+    """
     if law is None or loss.threshold == 0.0:
         return False
     around2 = np.median(np.concatenate([v.frame.surroundings_m2[v.smooth] for v in views]))
-    return bool(law.variance(np.array(loss.threshold), np.asarray(around2)) > (limits.by_design_mm * 1e-3) ** 2)
+    averaged = views[0].correlation.area
+    return bool(averaged * law.variance(np.array(loss.threshold), np.asarray(around2)) > (limits.by_design_mm * 1e-3) ** 2)
 
 
 def least_light(views: Sequence[ViewEvidence], limits: MissingLimits, losses: Losses) -> float:

@@ -117,6 +117,16 @@ def test_loss_of_light_too_weak_to_measure_is_by_design(shot_mm: float, expected
     assert found.expected is expected
 
 
+def test_a_camera_that_averages_drops_weak_light_by_the_noise_before_its_average() -> None:
+    """2.9 mm at the threshold after an average over nine pixels: 8.8 mm before it."""
+    lost, _ = dark_lost()
+    averaged = [replace(v, correlation=replace(v.correlation, area=9.0)) for v in lost]
+    median = float(np.median(np.concatenate([v.frame.amplitude[v.smooth] for v in dwelled(0.0)])))
+    law = PhotonLaw(floor_m=0.0, shot_m=2.5e-3, ambient_m=0.0, far_m=0.0, reference=median)
+    expected = [missing_effects(views, MissingLimits(), law=lambda: law)[0].expected for views in (lost, averaged)]
+    assert expected == [False, True]
+
+
 def test_loss_at_random_is_expected_of_a_camera_that_is_known_for_it() -> None:
     known = StatedNoise(effects=(Dropout(random=0.1),))
     (found,) = missing_effects(dwelled(0.1), MissingLimits(), stated=known)
