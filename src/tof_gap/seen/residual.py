@@ -176,7 +176,7 @@ def _of_view(view: View, frame: Frame, limits: EvidenceLimits, concavity: Image,
     residual = view.depth.astype(np.float64) - frame.depth
     blur_px = smear(frame, limits.blur)
     reached = excluded(frame, limits, wider_px, blur_px)
-    sigma, smooth, edge, gross = _sorted_out(residual, frame, reached, blur_px, limits, step_m, INDEPENDENT)
+    sigma, smooth, edge, gross = _sorted_out(residual, _returned(view), frame, reached, blur_px, limits, step_m, INDEPENDENT)
     return ViewEvidence(
         view,
         compact(frame),
@@ -201,13 +201,26 @@ def _correlated(view: ViewEvidence, wider_px: int, correlation: NoiseCorrelation
     reached = excluded(view.frame, view.limits, wider_px, blur_px) if blur_px else view.edge  # A moving view's edges include streaks.
     bent, beside_creases = averaging_error(view.rendering, view.frame.length, correlation.window_px)
     residual = view.residual.astype(np.float64) - bent
-    sigma, smooth, edge, gross = _sorted_out(residual, view.frame, reached, blur_px, view.limits, view.step_m, correlation)
+    returned = _returned(view.view)
+    sigma, smooth, edge, gross = _sorted_out(residual, returned, view.frame, reached, blur_px, view.limits, view.step_m, correlation)
     smooth &= ~beside_creases
     return replace(view, residual=single(residual), sigma=single(sigma), smooth=smooth, edge=edge, gross=gross, correlation=correlation)
 
 
+def _returned(view: View) -> Float:
+    """(H, W) share of the view's captures in which a pixel has a depth."""
+    return np.where(view.valid, view.count / max(view.captures, 1), 0.0)
+
+
 def _sorted_out(
-    residual: Float, frame: Frame, reached: Mask, blur_px: int, limits: EvidenceLimits, step_m: float, correlation: NoiseCorrelation
+    residual: Float,
+    returned: Float,
+    frame: Frame,
+    reached: Mask,
+    blur_px: int,
+    limits: EvidenceLimits,
+    step_m: float,
+    correlation: NoiseCorrelation,
 ) -> tuple[Float, Mask, Mask, Mask]:
     """Sigma in metres, and the masks of smooth, edge and gross pixels, all (H, W); reached (H, W): pixels that mixing or blur may reach."""
     grazing = frame.rendering.incidence > np.radians(limits.grazing_deg)
@@ -215,7 +228,7 @@ def _sorted_out(
     sigma = noise_of(residual, keep, frame.amplitude, step_m, limits.level, correlation)
     gross = np.abs(residual) > gross_bound(sigma, limits)
     edge = reached | streaks(residual, sigma, ~reached & ~gross, limits.blur) if blur_px else reached
-    smooth = np.isfinite(residual) & ~edge & ~gross & ~grazing & ~survivors(gross, residual, frame.depth, limits)
+    smooth = np.isfinite(residual) & ~edge & ~gross & ~grazing & ~survivors(np.where(gross, 0.0, returned), frame.depth, limits)
     return sigma, smooth, edge, gross
 
 
@@ -224,16 +237,21 @@ def gross_bound(sigma: Float, limits: EvidenceLimits) -> Float:
     return np.asarray(np.maximum(limits.gross_mm * 1e-3, np.minimum(limits.gross_sigma * sigma, limits.gross_most_mm * 1e-3)))
 
 
-def survivors(gross: Mask, residual: Float, cad: Float, limits: EvidenceLimits) -> Mask:
-    """(H, W) pixels around which most of what the CAD (H, W, metres) has is lost or gross: survivors of a failure, such as of unwrapping.
+def survivors(right: Float, cad: Float, limits: EvidenceLimits) -> Mask:
+    """(H, W) pixels around which most of what the CAD has is lost or gross: survivors of a failure, such as of unwrapping.
 
-    What is left there is what a filter in the camera let pass, up to centimetres off.
+    What is left there is what a filter in the camera let pass, up to centimetres off. The mean of a dwell hides such loss: a pixel that
+    is lost in four of five captures has a mean in most dwells.
+
+    Args:
+        right: (H, W) share of the captures in which a pixel returns, 0 where the mean's error is gross.
+        cad: (H, W) metres, NaN off the CAD.
+        limits: the least share.
     """
     there = np.isfinite(cad)
-    right = np.isfinite(residual) & ~gross
-    if right.sum() == there.sum():
-        return np.zeros(gross.shape, bool)
-    around, of = (uniform_filter(mask.astype(np.float32), AROUND_PX) for mask in (right, there))
+    if right[there].min(initial=1.0) == 1.0:
+        return np.zeros(there.shape, bool)
+    around, of = (uniform_filter(image.astype(np.float32), AROUND_PX) for image in (np.where(there, right, 0.0), there))
     return np.asarray(around < limits.survivors * of)
 
 

@@ -111,6 +111,18 @@ def test_survivors_of_a_failure_do_not_count_and_what_is_lost_by_half_does(measu
     assert np.stack([v.smooth for v in seen])[:, 6:34, 6:-6].all()
 
 
+@pytest.mark.parametrize(("captures_left", "counted"), [(1, 0.0), (3, 1.0)])
+def test_the_mean_of_a_dwell_does_not_hide_what_most_captures_lose(captures_left: int, counted: float) -> None:
+    """Of five captures of the lower rows each pixel has so many: all have a mean."""
+    made = views(np.random.default_rng(4))
+    lower = np.zeros(SHAPE, bool)
+    lower[40:] = True
+    of_five = [replace(v.view, captures=5, count=np.where(lower, captures_left, 5).astype(np.uint16)) for v in made]
+    seen = gather(of_five, [v.rendering for v in made], None, EvidenceLimits())  # type: ignore[arg-type]
+    assert np.stack([v.smooth for v in seen])[:, 46:-6, 6:-6].mean() == pytest.approx(counted, abs=0.02)
+    assert np.stack([v.smooth for v in seen])[:, 6:34, 6:-6].all()
+
+
 def test_a_coarse_step_is_seen_through_another_lens_and_bounds_the_noise() -> None:
     """A lens turns codes of 8 mm into continuous z; neighbours that were rounded alike still know their depth to a code only."""
     step, ratio = 0.008, (1.0 + 1e-3 * np.arange(SHAPE[1]) / SHAPE[1]).astype(np.float32)
