@@ -16,6 +16,7 @@ from tof_gap.seen.smeared import smeared
 from tof_gap.tell.account import astray2, rough_m, steps2
 from tof_gap.tell.block_means import block_means, unbiased2
 from tof_gap.tell.figures import away_from_edges
+from tof_gap.tell.line_means import line_sizes_m
 from tof_gap.tell.where import by_quantity
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.fixed_pattern import FixedPattern
@@ -74,6 +75,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     It is structured if any of these holds:
     - Block means exceed those of white noise, over all pixels or over those of one part. Structure of a named noise that neighbours
       share (steps, rows, stripes) is allowed for.
+    - Means of the image's columns or rows over all views exceed those of white noise.
     - Pixels away from edges have gross errors, at the final poses and where the solution was linearised, and `phase_wrap` is not named.
     - Pixels are lost, and neither `dropout` nor a noise is named.
     - Only a free function of an observable describes the error, or small effects explain much only together.
@@ -104,9 +106,12 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     if not figures.alike_m:
         before = block_means(views, residual, noise2, limits.block_px, limit.block_pixels)
         off = off_parts(means, before, len(scene.parts), len(views), limit, max(least_mm * 1e-3, rough_m(solved)))
+    least = np.hypot(least_mm, 1e3 * figures.alike_m)
+    of_lines = tuple(n for n, m in line_sizes_m(views, left, noise2).items() if 1e3 * m > least and (1e3 * m) ** 2 > limit.share * before2)
     a_gap, beyond_maps = before2 > limit.mm**2, size**2 > limit.share * before2
     structured = (
-        (size > np.hypot(least_mm, 1e3 * figures.alike_m) and beyond_maps)
+        (size > least and beyond_maps)
+        or bool(of_lines)
         or bool(off.any())
         or gross > limit.gross_share
         or (bool(contradicted) and size > limit.contradicted_mm and beyond_maps)
@@ -122,7 +127,9 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     return Unexplained(
         size,
         structured=True,
-        depends_on=(*((LOST,) if gone.any() else ()), *(depends_on or _depends_on(views, left, floor2, limits))),
+        depends_on=tuple(
+            dict.fromkeys([*([LOST] if gone.any() else []), *of_lines, *(depends_on or _depends_on(views, left, floor2, limits))])
+        ),
         where=tuple(scene.parts[i].name for i in order[: limit.parts]),
         share=_share(size**2, (1e3 * solved.unnamed_m) ** 2 + _in_steps2(found), before2),
         gross=gross if gross > limit.gross_share else 0.0,
