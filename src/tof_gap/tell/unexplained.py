@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,7 +26,7 @@ from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.registry import EFFECTS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from tof_core.arrays import Float, Mask
     from tof_gap.limits.missing import MissingLimits
@@ -96,10 +97,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
         return Unexplained(0.0, structured=False, depends_on=(), where=())
     size = 1e3 * float(np.sqrt(means.size2))
     before2 = max(gap.shown_mm[0] ** 2, 1e-9)
-    gross_named = any(f.name == PhaseWrap.NAME for f in found.findings)
-    # No model of motion describes surfaces that appear and vanish beside edges while the hand moves.
-    reach = missing.edge_reach_px if Motion.NAME in solved.maps else 0
-    gross = 0.0 if gross_named else min(gross_share(v, _explained(figures), reach) for v in (views, solved.linearised))
+    gross = _gross(found, missing)
     least_mm = limit.alone_mm if all(EFFECTS[name].EXACT for name in solved.maps) else limit.mm
     # The noise of rows and stripes is uneven over parts: beside it no part is judged by itself. Coarse maps err on parts most.
     off = np.zeros(len(scene.parts), bool)
@@ -107,7 +105,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
         before = block_means(views, residual, noise2, limits.block_px, limit.block_pixels)
         off = off_parts(means, before, len(scene.parts), len(views), limit, max(least_mm * 1e-3, rough_m(solved)))
     least = np.hypot(least_mm, 1e3 * figures.alike_m)
-    of_lines = tuple(n for n, m in line_sizes_m(views, left, noise2).items() if 1e3 * m > least and (1e3 * m) ** 2 > limit.share * before2)
+    of_lines = lines_off(line_sizes_m(views, left, noise2), least, limit.share * before2)
     a_gap, beyond_maps = before2 > limit.mm**2, size**2 > limit.share * before2
     structured = (
         (size > least and beyond_maps)
@@ -121,20 +119,42 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     del residual, noise2  # Images of all views are most of a session's memory.
     if not structured:
         return Unexplained(size, structured=False, depends_on=(), where=())
-    spread = np.bincount(means.part, np.maximum(means.excess2, 0) / means.white2, len(scene.parts))
-    energy = gone if gone.any() else spread * off if off.any() else spread
-    order = [int(i) for i in np.argsort(-energy, kind="stable") if energy[i] > limit.part_share * energy.sum()]
     return Unexplained(
         size,
         structured=True,
-        depends_on=tuple(
-            dict.fromkeys([*([LOST] if gone.any() else []), *of_lines, *(depends_on or _depends_on(views, left, floor2, limits))])
-        ),
-        where=tuple(scene.parts[i].name for i in order[: limit.parts]),
+        depends_on=_once([LOST] * bool(gone.any()), of_lines, depends_on or _depends_on(views, left, floor2, limits)),
+        where=tuple(scene.parts[i].name for i in _carriers(means, gone, off, limit)),
         share=_share(size**2, (1e3 * solved.unnamed_m) ** 2 + _in_steps2(found), before2),
         gross=gross if gross > limit.gross_share else 0.0,
         resembles=tuple(contradicted),
     )
+
+
+def _gross(found: Account, missing: MissingLimits) -> float:
+    """Share of gross pixels, the least of the final poses and those of the linearisation; 0 beside `phase_wrap`, which explains them."""
+    if any(f.name == PhaseWrap.NAME for f in found.findings):
+        return 0.0
+    # No model of motion describes surfaces that appear and vanish beside edges while the hand moves.
+    reach = missing.edge_reach_px if Motion.NAME in found.solved.maps else 0
+    return min(gross_share(v, _explained(found.figures), reach) for v in (found.solved.evidence, found.solved.linearised))
+
+
+def _carriers(means: BlockMeans, gone: Float, off: Mask, limit: UnexplainedLimits) -> list[int]:
+    """Parts that carry what is left, most first: its lost pixels, or its energy on parts that are `off`, or its energy."""
+    spread = np.bincount(means.part, np.maximum(means.excess2, 0) / means.white2, len(off))
+    energy = gone if gone.any() else spread * off if off.any() else spread
+    order = [int(i) for i in np.argsort(-energy, kind="stable") if energy[i] > limit.part_share * energy.sum()]
+    return order[: limit.parts]
+
+
+def lines_off(sizes_m: Mapping[str, float], least_mm: float, least2: float) -> tuple[str, ...]:
+    """Lines whose mean errors exceed `least_mm` and, squared, `least2` (mm^2)."""
+    return tuple(name for name, size in sizes_m.items() if 1e3 * size > least_mm and (1e3 * size) ** 2 > least2)
+
+
+def _once(*names: Sequence[str]) -> tuple[str, ...]:
+    """All names in order, each once."""
+    return tuple(dict.fromkeys(chain.from_iterable(names)))
 
 
 def _signs(found: Account, limit: UnexplainedLimits, missing: MissingLimits) -> list[str]:

@@ -11,6 +11,7 @@ import pytest
 from tests.tof_gap.quiet_views import SHAPE, SIGMA_M, views
 from tof_gap.seen.correlation import NoiseCorrelation
 from tof_gap.tell.line_means import line_sizes_m
+from tof_gap.tell.unexplained import lines_off
 
 NOISE2 = [np.full(SHAPE, SIGMA_M**2)]
 
@@ -43,3 +44,10 @@ def test_pixels_that_do_not_count_and_lines_without_any_are_left_out() -> None:
     assert line_sizes_m(seen, left, NOISE2 * len(seen))["column"] == pytest.approx(2e-3, rel=0.03)
     nothing = [np.full(SHAPE, np.nan)] * len(seen)
     assert line_sizes_m(seen, nothing, NOISE2 * len(seen)) == {"column": 0.0, "row": 0.0}
+
+
+def test_lines_count_from_a_size_and_a_share_of_the_gap_on() -> None:
+    sizes = {"column": 1.6e-3, "row": 0.3e-3}
+    assert lines_off(sizes, 0.4, 0.5) == ("column",)
+    assert lines_off(sizes, 0.2, 0.05) == ("column", "row")
+    assert lines_off(sizes, 0.4, 3.0) == (), "beside a larger gap it is an error of a named map"
