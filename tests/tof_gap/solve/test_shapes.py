@@ -12,6 +12,7 @@ import pytest
 from tests.tof_gap.quiet_views import VIEWS, chain, views
 from tof_align.folds import deal
 from tof_gap.config import GapConfig
+from tof_gap.solve import shapes
 from tof_gap.solve.candidate import Candidate
 from tof_gap.solve.columns import ColumnStore
 from tof_gap.solve.shapes import refined
@@ -31,7 +32,7 @@ def finer(*candidates: Candidate, across_m: float = 0.0, suspected: tuple[int, .
     return refined(store, cast("Any", SimpleNamespace(candidates=candidates)), cast("Any", selection), chain(), GapConfig())
 
 
-@pytest.mark.parametrize("start_mhz", [60.0, 72.0])
+@pytest.mark.parametrize("start_mhz", [60.0, 72.0, 46.0])  # the last one is two widths of the first pass away
 def test_a_frequency_between_candidates_is_found(start_mhz: float) -> None:
     (found,) = finer(Candidate("wiggling", Wiggling(modulation_mhz=start_mhz)), Candidate("range_offset", RangeOffset()))
     assert (found.name, found.note) == ("wiggling", "refined")
@@ -58,3 +59,20 @@ def test_an_effect_of_one_form_has_no_finer_one() -> None:
 def test_a_suspected_effect_keeps_its_form() -> None:
     wave, offset = Candidate("wiggling", Wiggling(modulation_mhz=60.0)), Candidate("range_offset", RangeOffset())
     assert finer(wave, offset, suspected=(0,)) == []
+
+
+def test_a_search_ends_at_what_the_parameter_may_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beyond 1000 MHz, sensor.yaml would be refused."""
+    tried: list[float] = []
+    monkeypatch.setattr(shapes, "FARTHER", 20)
+
+    def fastest(_: Any, effects: list[Candidate], *__: Any) -> Any:
+        tried.extend(cast("Wiggling", c.effect).modulation_mhz for c in effects)
+        return SimpleNamespace()
+
+    judge = SimpleNamespace(beside=lambda *_: lambda i: SimpleNamespace(score=-float(i)))
+    monkeypatch.setattr(shapes, "build", fastest)
+    monkeypatch.setattr(shapes, "Selector", lambda *_: judge)
+    (found,) = finer(Candidate("wiggling", Wiggling(modulation_mhz=300.0)))
+    assert cast("Wiggling", found.effect).modulation_mhz == pytest.approx(1000.0)
+    assert max(tried) == pytest.approx(1000.0)
