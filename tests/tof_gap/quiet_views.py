@@ -62,7 +62,8 @@ def views(
         scatter = SIGMA_M * np.sqrt(2000.0 / light) * rng.standard_normal(SHAPE) * photons + (0.0 if extra is None else extra[k])
         depth = (r.depth + scatter / np.sqrt(captures[k]) / length).astype(np.float32)
         capture = Capture(k, CAMERA, depth, np.zeros(SHAPE, np.uint8), amplitude=light.astype(np.float32))
-        made.append(replace(View.of_capture(capture), station=0, captures=captures[k]))
+        one = View.of_capture(capture)
+        made.append(replace(one, station=0, captures=captures[k], count=one.count * np.uint16(captures[k])))
     return gather(made, renderings, None, EvidenceLimits(edge_px=0))  # type: ignore[arg-type]
 
 
