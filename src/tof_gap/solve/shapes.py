@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,7 @@ from tof_gap.solve.columns import build
 from tof_gap.solve.judge import Selector
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from typing import Any
 
     from tof_align.chain import Chain
@@ -35,26 +37,19 @@ def refined(store: ColumnStore, design: Design, selection: Selection, chain: Cha
         if candidate.effect is None or not candidate.effect.FINER or selection.chosen.members[place] in selection.suspected:
             continue
         others = [c for i, c in enumerate(chosen) if i != place]
+        shaped = partial(_best_shape, others=others, store=store, chain=chain, config=config, inflate=selection.chosen.inflate)
         best = candidate.effect
         for finer in candidate.effect.FINER:
-            best = _farther(best, finer, others, store, chain, config, selection.chosen.inflate)
+            best = _farther(best, finer, shaped)
         out.append(Candidate(best.NAME, best, "refined"))
     return out
 
 
-def _farther(
-    effect: Any,
-    finer: Finer,
-    others: list[Candidate],
-    store: ColumnStore,
-    chain: Chain,
-    config: GapConfig,
-    inflate: float,
-) -> Any:
+def _farther(effect: Any, finer: Finer, shaped: Callable[[Any, Finer], Any]) -> Any:
     """The best effect of a pass; one at the end of the pass's width is the middle of the next, since candidates do not reach every camera."""
     for _ in range(1 + FARTHER):
         tried = finer.near(getattr(effect, finer.parameter))
-        effect = _best_shape(effect, finer, others, store, chain, config, inflate)
+        effect = shaped(effect, finer)
         if not finer.relative or getattr(effect, finer.parameter) not in (float(tried[0]), float(tried[-1])):
             break
     return effect
