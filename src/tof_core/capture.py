@@ -101,6 +101,11 @@ class View:
         """(H, W) pixels that have a depth."""
         return np.isfinite(self.depth)
 
+    @property
+    def returned(self) -> Float:
+        """(H, W) share of the captures in which a pixel has a depth."""
+        return np.where(self.valid, self.count / max(self.captures, 1), 0.0)
+
     @classmethod
     def of_capture(cls, capture: Capture, station: int = 0) -> View:
         """A view of one capture: nothing accumulated, nothing filtered."""

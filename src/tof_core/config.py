@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from functools import cache
+from math import inf
 from typing import TYPE_CHECKING, Any, TypeVar, cast, get_type_hints
 
 from tof_core.errors import ConfigError, brief
@@ -32,6 +33,13 @@ def param(
 ) -> Any:
     """A field of a configuration: default, meaning, unit, bounds, and the reason for the default."""
     return field(default=default, metadata={"text": text, "unit": unit, "low": low, "high": high, "choices": choices, "why": why})
+
+
+def bounds_of(cls: type[Any], name: str) -> tuple[float, float]:
+    """Bounds (low, high) that a parameter states; infinite where it states none."""
+    stated = cls.__dataclass_fields__[name].metadata
+    low, high = stated.get("low"), stated.get("high")
+    return -inf if low is None else float(low), inf if high is None else float(high)
 
 
 def section(factory: type[C], text: str = "") -> C:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from tof_core.config import bounds_of
 from tof_sensor.action import Action  # noqa: TC001  (the table of parameters resolves the class's annotations)
 
 if TYPE_CHECKING:
@@ -143,11 +144,8 @@ class Effect(ABC):
     @property
     def bounds(self) -> tuple[Float, Float]:
         """Plausible (low, high) (k,) of the linear parameters; infinite where none are stated."""
-        fields = type(self).__dataclass_fields__  # type: ignore[attr-defined]
-        limits = [fields[n].metadata for n in self.LINEAR]
-        low = [-np.inf if m.get("low") is None else m["low"] for m in limits]
-        high = [np.inf if m.get("high") is None else m["high"] for m in limits]
-        return np.array(low, float), np.array(high, float)
+        low, high = np.array([bounds_of(type(self), n) for n in self.LINEAR], float).reshape(-1, 2).T
+        return low, high
 
     def with_coefficients(self, values: Float) -> Effect:
         """The same shape with other linear parameters (k,)."""

@@ -6,11 +6,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tof_core.config import ParamInfo, flatten, from_mapping, param, section, table, to_mapping, updated
+from tof_core.config import ParamInfo, bounds_of, flatten, from_mapping, param, section, table, to_mapping, updated
 from tof_core.errors import ConfigError
 
 
@@ -98,3 +99,8 @@ def test_every_configuration_of_the_bag_options_is_documented() -> None:
     assert len({row.name for row in rows}) == len(rows) >= 19
     assert all(row.text for row in rows)
     assert all(row.low is not None and row.high is not None for row in rows if row.kind in (int, float))
+
+
+def test_a_parameter_states_its_bounds_and_is_unbounded_where_it_states_none() -> None:
+    assert bounds_of(Gate, "speed") == (0.0, 100.0)
+    assert bounds_of(Gate, "enable") == (-np.inf, np.inf)

@@ -6,6 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from tof_core.config import bounds_of
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
@@ -66,4 +68,4 @@ def not_expected(findings: Iterable[Finding]) -> list[Finding]:
 
 def most(effect: type[Effect], name: str) -> float:
     """The upper bound that an effect states for its parameter."""
-    return float(effect.__dataclass_fields__[name].metadata["high"])  # type: ignore[attr-defined]
+    return bounds_of(effect, name)[1]

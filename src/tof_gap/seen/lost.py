@@ -66,7 +66,7 @@ def lost(view: ViewEvidence, limits: MissingLimits, too_bright: float) -> Float:
     """
     seen = view.view
     by_filter = outliers_removed(seen.valid, limits)
-    some = np.where(seen.valid, 1.0 - seen.count / max(seen.captures, 1), seen.reason == Reason.NO_RETURN)
+    some = np.where(seen.valid, 1.0 - seen.returned, seen.reason == Reason.NO_RETURN)
     gone = np.where(expected(view, limits) & ~by_filter, some, 0.0)
     if seen.amplitude is None:
         return gone

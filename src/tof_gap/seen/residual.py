@@ -176,7 +176,7 @@ def _of_view(view: View, frame: Frame, limits: EvidenceLimits, concavity: Image,
     residual = view.depth.astype(np.float64) - frame.depth
     blur_px = smear(frame, limits.blur)
     reached = excluded(frame, limits, wider_px, blur_px)
-    sigma, smooth, edge, gross = _sorted_out(residual, _returned(view), frame, reached, blur_px, limits, step_m, INDEPENDENT)
+    sigma, smooth, edge, gross = _sorted_out(residual, view.returned, frame, reached, blur_px, limits, step_m, INDEPENDENT)
     return ViewEvidence(
         view,
         compact(frame),
@@ -201,15 +201,10 @@ def _correlated(view: ViewEvidence, wider_px: int, correlation: NoiseCorrelation
     reached = excluded(view.frame, view.limits, wider_px, blur_px) if blur_px else view.edge  # A moving view's edges include streaks.
     bent, beside_creases = averaging_error(view.rendering, view.frame.length, correlation.window_px)
     residual = view.residual.astype(np.float64) - bent
-    returned = _returned(view.view)
+    returned = view.view.returned
     sigma, smooth, edge, gross = _sorted_out(residual, returned, view.frame, reached, blur_px, view.limits, view.step_m, correlation)
     smooth &= ~beside_creases
     return replace(view, residual=single(residual), sigma=single(sigma), smooth=smooth, edge=edge, gross=gross, correlation=correlation)
-
-
-def _returned(view: View) -> Float:
-    """(H, W) share of the view's captures in which a pixel has a depth."""
-    return np.where(view.valid, view.count / max(view.captures, 1), 0.0)
 
 
 def _sorted_out(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from tof_gap.seen.finding import CONFIDENT, Finding
+from tof_gap.seen.finding import CONFIDENT, Finding, most
 from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.frame import LIGHT_M_PER_S
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 MOST_TURNS = 3
 """Largest error in whole periods: usual cameras merge frequencies over at most as many."""
-LEAST_WRAP_M = LIGHT_M_PER_S / (2e6 * PhaseWrap.__dataclass_fields__["modulation_mhz"].metadata["high"])
+LEAST_WRAP_M = LIGHT_M_PER_S / (2e6 * most(PhaseWrap, "modulation_mhz"))
 """Metres: unambiguous range at the highest modulation frequency that the effect allows; no shorter jump is a wrapped phase."""
 
 

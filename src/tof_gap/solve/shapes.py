@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core.config import bounds_of
 from tof_gap.solve.candidate import Candidate
 from tof_gap.solve.columns import build
 from tof_gap.solve.judge import Selector
@@ -71,9 +72,8 @@ def _best_shape(
     value = getattr(effect, finer.parameter)
     if finer.relative and value == 0.0:
         return effect
-    bounds = type(effect).__dataclass_fields__[finer.parameter].metadata
-    low, high = (np.inf * sign if bounds.get(end) is None else bounds[end] for end, sign in (("low", -1), ("high", 1)))
-    near_by = [replace(effect, **{finer.parameter: float(x)}) for x in np.clip(finer.near(value), low, high)]
+    tried = np.clip(finer.near(value), *bounds_of(type(effect), finer.parameter))
+    near_by = [replace(effect, **{finer.parameter: float(x)}) for x in tried]
     trial = [Candidate(e.NAME, e) for e in near_by]
     # A hundred shapes are tried and one is used: those of a long session would take half a gigabyte beside the store's own.
     judge = Selector(build(copy(store), [*others, *trial], chain, config.hand_sd, config.lens_sd), config.select)

@@ -46,7 +46,7 @@ def sizes_m(maps: Mapping[str, Sequence[Float]], views: Sequence[ViewEvidence], 
     every = 1 + 2 * (sum(v.residual.size for v in views) // MOST_PIXELS)  # Odd: else columns of the image would be left out.
     out = {}
     for name, by_view in maps.items():
-        fitted, errors = (np.concatenate([np.nan_to_num(m[k][views[k].smooth]) for k in held_out]) for m in (by_view, left))
+        fitted, errors = (np.concatenate([_fitted(m[k], views[k]) for k in held_out]) for m in (by_view, left))
         values = _one_surface if _errs_at_edges(name) else _fitted
         everywhere = np.concatenate([values(m, v)[::every] for m, v in zip(by_view, views, strict=True)])
         out[name] = float(np.sqrt(confirmed(fitted, errors) * mean_square(everywhere)))
@@ -83,7 +83,7 @@ def _errs_at_edges(name: str) -> bool:
 
 
 def _fitted(effect: Float, view: ViewEvidence) -> Float:
-    """(n,) metres of a map at the pixels of the CAD away from edges."""
+    """(n,) metres of a map, or of what is left, at the pixels away from edges, which are fitted."""
     return np.asarray(np.nan_to_num(effect[view.smooth]))
 
 

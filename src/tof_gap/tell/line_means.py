@@ -28,17 +28,18 @@ def line_sizes_m(views: Sequence[ViewEvidence], left: Sequence[Float], noise2: S
         left: (H, W) metres of error per view, NaN where it does not count.
         noise2: (H, W) m^2 per view of error that is no bias.
     """
-    return {name: _size_m(views, left, noise2, axis) for name, axis in LINES.items()}
-
-
-def _size_m(views: Sequence[ViewEvidence], left: Sequence[Float], noise2: Sequence[Float], axis: int) -> float:
-    lines = views[0].residual.shape[1 - axis]
-    total, known, white = np.zeros(lines), np.zeros(lines), np.zeros(lines)
+    sums = {name: np.zeros((3, views[0].residual.shape[1 - axis])) for name, axis in LINES.items()}
     for v, e, n2 in zip(views, left, noise2, strict=True):
-        info = np.where(np.isfinite(e), 1.0 / n2, 0.0)
-        total += (info * np.nan_to_num(e)).sum(axis=axis)
-        known += info.sum(axis=axis)
-        white += v.correlation.area * info.sum(axis=axis)
+        known = np.where(np.isfinite(e), 1.0 / n2, 0.0)
+        total = known * np.nan_to_num(e)
+        for name, axis in LINES.items():
+            info = known.sum(axis=axis)
+            sums[name] += total.sum(axis=axis), info, v.correlation.area * info
+    return {name: _size_m(*of_lines) for name, of_lines in sums.items()}
+
+
+def _size_m(total: Float, known: Float, white: Float) -> float:
+    """RMS of the means of lines (n,) above white noise, from sums of error times information, of information, and of it times its correlation."""
     seen = known > 0
     if not seen.any():
         return 0.0
