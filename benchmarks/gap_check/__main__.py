@@ -32,6 +32,7 @@ def main() -> int:
         choices=("record", "examine", "baselines", "score", "second", "labels"),
         help="one step alone; of the foreign form, second: promises on second sessions, labels: labels without any sensor model, and with --joint",
     )
+    parser.add_argument("--also", type=Path, nargs="+", default=[], help="folders of other seeds, whose foreign sessions are scored in the same table")
     parser.add_argument("--baselines", action="store_true", help="run least squares after ICP, and boosted trees, on the same bags")
     parser.add_argument("--write", action="store_true", help="write docs/gap_check.md")
     args = parser.parse_args()
@@ -124,7 +125,7 @@ def _score_foreign(args: argparse.Namespace) -> int:
 
     rows = score_foreign(args.out)
     (args.out / "scores.json").write_text(json.dumps([asdict(r) for r in rows], indent=1))
-    print(summary(rows))
+    print(summary([*rows, *(row for folder in args.also for row in score_foreign(folder))]))
     if args.write:
         drawn = f"--form foreign --count {len(rows)} --views {args.views}" + (f" --size {args.size}" if args.size else "")
         (args.out / "foreign.md").write_text(page(rows, f"make gap-check ARGS='{drawn} --seed {args.seed}'"))
