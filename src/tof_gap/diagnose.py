@@ -122,8 +122,9 @@ def believed(joint: Joint, read: Callable[[Joint], Account], config: GapConfig) 
         joint = without(joint, taken.name, config)
         del found  # Images of all views are most of a session's memory.
         found = read(joint)
-    if joint.selection.fullest and not found.solved.named:
+    if joint.selection.fullest and not (found.solved.named or resembled):
         # Where nothing is named, small effects are errors of a healthy camera, however many there are: none of them is unexplained.
+        # An effect that the views contradict is none of these.
         del found
         found = read(with_small(joint, config))
         if found.solved.named:

@@ -144,17 +144,20 @@ def test_a_suspected_effect_that_held_out_views_do_not_confirm_is_taken_out_and_
 
 
 @pytest.mark.parametrize(
-    ("named", "named_with_small", "expected"),
+    ("named", "named_with_small", "contradicted", "expected"),
     [
-        ([], [], "with small effects"),  # all of them are errors of a healthy camera
-        ([], ["wiggling"], "chosen"),  # several small effects fit almost any error: none of them is asserted
-        (["wiggling"], [], "chosen"),
+        ([], [], [], "with small effects"),  # all of them are errors of a healthy camera
+        ([], ["wiggling"], [], "chosen"),  # several small effects fit almost any error: none of them is asserted
+        (["wiggling"], [], [], "chosen"),
+        ([], [], ["lens_scatter"], "chosen"),  # what resembles an effect and contradicts its map is no error of a healthy camera
     ],
 )
 def test_small_effects_are_taken_off_where_nothing_is_named(
-    monkeypatch: pytest.MonkeyPatch, named: list[str], named_with_small: list[str], expected: str
+    monkeypatch: pytest.MonkeyPatch, named: list[str], named_with_small: list[str], contradicted: list[str], expected: str
 ) -> None:
-    monkeypatch.setattr(room, "taken_out", lambda *_: None)
+    out = iter([*(TakenOut(name, contradicted=True) for name in contradicted), None])
+    monkeypatch.setattr(room, "taken_out", lambda *_: next(out))
+    monkeypatch.setattr(room, "without", lambda joint, *_: joint)
     monkeypatch.setattr(room, "with_small", lambda *_: "with small effects")
     chosen = SimpleNamespace(selection=SimpleNamespace(suspected=(), fullest=(0, 1, 2)))
 
@@ -166,4 +169,4 @@ def test_small_effects_are_taken_off_where_nothing_is_named(
 
     account, resembled = believed(cast("Any", chosen), read, cast("Any", None))
     assert cast("Any", account).of == expected
-    assert resembled == []
+    assert resembled == contradicted
