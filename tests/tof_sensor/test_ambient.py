@@ -125,6 +125,20 @@ def test_three_quarters_of_all_views_must_show_the_light(unseen: int, *, found: 
     assert (Ambient.detect(replace(lit, views=(nothing,) * (VIEWS + unseen))) is not None) == found
 
 
+@pytest.mark.parametrize(("lit", "times"), [(0.0, "1.4"), (0.3, "1.5"), (1.0, None)])
+def test_noise_of_less_light_is_no_foreign_light_but_where_that_is_most_of_it(lit: float, times: str | None) -> None:
+    """The whole law twice, as with half of the exposure, beside foreign light of a share of the law at the median amplitude."""
+    noise = session(0.0).noise
+    assert noise is not None
+    usual = LAW.variance(noise.amplitude, noise.surroundings2).reshape(VIEWS, BINS)
+    sunlight = light(1e-3, 0.0)
+    sunlight *= lit / np.median(sunlight / usual)
+    noisy = replace(session((1.0 if lit < 1.0 else 0.5) * usual + sunlight), has_amplitude=True)
+    assert (Ambient.detect(noisy) is None) == (times is not None)
+    reason = Ambient.not_testable(noisy)
+    assert reason is None if times is None else reason is not None and reason.startswith(f"noise is {times} times that of the photon law")
+
+
 def test_noise_of_the_darkest_bins_alone_is_no_foreign_light() -> None:
     """Half above the law, as with less modulated light, and more on grazing surfaces, which are the darkest."""
     noise = session(0.0).noise

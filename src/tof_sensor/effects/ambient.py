@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -47,6 +47,9 @@ DARK = 0.25
 """Share of the bins, the darkest, without which the light must be found again: grazing surfaces and weak light have noise of other causes."""
 CONFIRMED = 0.5
 """Least ratio of the light's variance without these bins to that with them. Sunlight in eleven sessions: 0.7 and more; a long pulse: 0.36."""
+MOST_OF_IT = 0.5
+"""Least share of the noise beyond the law that is foreign light's. A shorter exposure, or a frequency that hardly returns, makes the whole law
+larger, and a fit divides this between light and the camera's own terms: light has 0.39 and 0.48 of it there, sunlight in four sessions 0.57 to 1."""
 WHOLE = 1.0
 """Most of the camera's own noise beyond the law, in variances of the law, where it averages over whole neighbourhoods (`seen.whole_average`): there
 the law leaves 0.6 to 1.1 of the variance of two healthy cameras, and 2.5 times it would explain weak sunlight as well as light does."""
@@ -122,44 +125,85 @@ class Ambient(Effect):
             return "exposure is automatic: views are noisier the brighter they are, at the same amplitude"
         if session.noise_of_steps:
             return "noise grows with the steps of the fixed pattern: the camera averages over fewer neighbours there than the photon law assumes"
+        if session.law is None:
+            return "no noise to compare with: pass --sensor with the sensor.yaml of a session of this camera without ambient light"
+        found = None if session.averages else _compared(session)
+        if found is None or found.less < LEAST_EXCESS or found.is_light:
+            return ""
+        times = float(np.sqrt(1.0 + found.excess))
         return (
-            ""
-            if session.law is not None
-            else "no noise to compare with: pass --sensor with the sensor.yaml of a session of this camera without ambient light"
+            f"noise is {times:.1f} times that of the photon law in --sensor at all amplitudes, as with a shorter exposure, a weaker lamp or a "
+            "frequency that hardly returns: compare the camera's mode with that of the session of sensor.yaml"
         )
 
     @classmethod
     def detect(cls, session: Session) -> Detection | None:
         """Noise beyond the law of `--sensor`, in most views, with the amplitude dependence of ambient light."""
-        law, bins = session.law, session.noise
-        if law is None or bins is None or len(bins.view) < LEAST_BINS:
+        found = _compared(session)
+        if found is None or found.light < LEAST_EXCESS or found.views < LEAST_SHARE or not (found.is_light and found.known):
             return None
-        predicted = law.variance(bins.amplitude, bins.surroundings2)
-        excess = bins.variance - predicted
-        of_view = np.array([np.median((excess / predicted)[bins.view == v]) for v in np.unique(bins.view)])
-        ratio = law.reference / bins.amplitude
-        own, most = _own_terms(law, bins, predicted, averages=session.averages)
-        foreign = np.stack([bins.surroundings2 * ratio, ratio**2], axis=1)
-        either, free = np.concatenate([own, foreign], axis=1), np.append(most, [np.inf, np.inf])
-        fitted = _fitted(either, excess, bins, free)
-        light, model = foreign @ fitted[own.shape[1] :], either @ fitted
-        share = float(np.median(light / predicted))
-        shown = (of_view > 0.5 * LEAST_EXCESS).sum() / max(len(session.views), len(of_view))
-        if share < LEAST_EXCESS or shown < LEAST_SHARE:
-            return None
-        if share < KNOWN * float(np.median(np.abs(excess - model) / bins.variance)):
-            return None
-        if _misfit2(model, excess, bins) > BETTER * _misfit2(own @ _fitted(own, excess, bins, most), excess, bins):
-            return None
-        bright = bins.amplitude >= np.quantile(bins.amplitude, DARK)
-        again = foreign @ _fitted(either[bright], excess[bright], bins.of(bright), free)[own.shape[1] :]
-        if np.median((again / predicted)[bright]) < CONFIRMED * np.median((light / predicted)[bright]):
-            return None
-        surface, uniform = np.sqrt(fitted[own.shape[1] :])
-        effect = cls(surface_m=min(float(surface), 0.2), uniform_m=min(float(uniform), 0.2), reference=law.reference)
-        times = float(np.sqrt(1.0 + share))
+        assert session.law is not None
+        surface, uniform = np.sqrt(found.terms)
+        effect = cls(surface_m=min(float(surface), 0.2), uniform_m=min(float(uniform), 0.2), reference=session.law.reference)
+        times = float(np.sqrt(1.0 + found.light))
         or_own = ", from foreign light or the camera's read-out" if effect.like_read_out else ""
         return Detection(effect, 0.95, note=f"noise {times:.1f} times that of the photon law in --sensor{or_own}")
+
+
+class _Compared(NamedTuple):
+    """Noise beyond the law of `--sensor`, medians over the bins in variances of the law.
+
+    excess: as measured; light: by foreign light; less: by less light of the camera's own, the law times a factor or 1/A; views: share of the views that show at least half of
+    `LEAST_EXCESS`; terms: (2,) m^2, light off the surfaces and uniform light; known: whether light is needed, and found without the darkest bins.
+    """
+
+    excess: float
+    light: float
+    less: float
+    views: float
+    terms: Float
+    known: bool
+
+    @property
+    def is_light(self) -> bool:
+        """Whether most of the noise beyond the law is foreign light's."""
+        return self.light >= MOST_OF_IT * self.excess
+
+
+def _compared(session: Session) -> _Compared | None:
+    """The session's noise against the stated law; None without a law, or with too few bins."""
+    law, bins = session.law, session.noise
+    if law is None or bins is None or len(bins.view) < LEAST_BINS:
+        return None
+    predicted = law.variance(bins.amplitude, bins.surroundings2)
+    excess = bins.variance - predicted
+    of_view = np.array([np.median((excess / predicted)[bins.view == v]) for v in np.unique(bins.view)])
+    ratio = law.reference / bins.amplitude
+    own, most = _own_terms(law, bins, predicted, averages=session.averages)
+    foreign = np.stack([bins.surroundings2 * ratio, ratio**2], axis=1)
+    either, free = np.concatenate([own, foreign], axis=1), np.append(most, [np.inf, np.inf])
+    fitted = _fitted(either, excess, bins, free)
+    light, model = foreign @ fitted[own.shape[1] :], either @ fitted
+    bright = bins.amplitude >= np.quantile(bins.amplitude, DARK)
+    again = foreign @ _fitted(either[bright], excess[bright], bins.of(bright), free)[own.shape[1] :]
+    of_light = float(np.median(light / predicted))
+    known = (
+        of_light >= KNOWN * float(np.median(np.abs(excess - model) / bins.variance))
+        and _misfit2(model, excess, bins) <= BETTER * _misfit2(own @ _fitted(own, excess, bins, most), excess, bins)
+        and np.median((again / predicted)[bright]) >= CONFIRMED * np.median((light / predicted)[bright])
+    )
+    return _Compared(
+        excess=float(np.median(excess / predicted)),
+        light=of_light,
+        less=float(np.median(own[:, LESS_LIGHT] @ fitted[LESS_LIGHT] / predicted)),
+        views=float((of_view > 0.5 * LEAST_EXCESS).sum() / max(len(session.views), len(of_view))),
+        terms=fitted[own.shape[1] :],
+        known=bool(known),
+    )
+
+
+LESS_LIGHT = slice(1, 3)
+"""Of the camera's own terms, those of less modulated light."""
 
 
 def _own_terms(law: PhotonLaw, bins: NoiseBins, predicted: Float, *, averages: bool) -> tuple[Float, Float]:
