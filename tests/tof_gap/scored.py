@@ -31,11 +31,12 @@ class Judge:
         free: str = "",
         hand: str = "",
         lens: str = "",
+        late: str = "",
         implausible: Sequence[str] = (),
         **limits: float,
     ) -> None:
         self.letters = sorted({letter for members in scores for letter in members})
-        self.scores, self.free, self.hand, self.lens, self.implausible = scores, free, hand, lens, set(implausible)
+        self.scores, self.free, self.hand, self.lens, self.late, self.implausible = scores, free, hand, lens, late, set(implausible)
         self.config = SelectLimits(**limits)  # type: ignore[arg-type]
         self.scored: list[str] = []
         self.apart = None
@@ -83,7 +84,13 @@ class Judge:
         return self.letters[member] in self.hand + self.lens
 
     def needed_by_calibration(self, name: str, _: Hypothesis) -> bool:
-        return any(self.design.candidates[self.letters.index(letter)].name == name for letter in self.lens)
+        return self._is_one_of(name, self.lens)
+
+    def needed_by_robot(self, name: str, _: Hypothesis) -> bool:
+        return self._is_one_of(name, self.late)
+
+    def _is_one_of(self, name: str, letters: str) -> bool:
+        return any(self.design.candidates[self.letters.index(letter)].name == name for letter in letters)
 
     def frees_hand(self, members: Sequence[int]) -> bool:
         return any(self.letters[m] in self.hand for m in members)

@@ -119,12 +119,6 @@ class UnexplainedLimits:
         0.025, "probability that chance makes the variation of an effect's size that large", low=1e-6, high=0.5, why="1 in 40"
     )
     arms: float = param(22.5, "chi-square (6 degrees of freedom) of the mean arm error", low=0.0, why="chance: 1 session in 1000")
-    arm_rms: float = param(
-        1.3,
-        "RMS of arm errors over the robot's prior, of positions and of turns, above which the robot's poses are wrong",
-        low=0.0,
-        why="an arm as inaccurate as its prior: 1.0 with a standard deviation of 0.1 in 16 views; 120 sessions have 1.0 at most",
-    )
     gross_share: float = param(0.004, "share of gross pixels away from edges", low=0.0, high=1.0, why="tools and cables that the CAD lacks")
     doubt: float = param(
         0.05,

@@ -192,6 +192,12 @@ class SelectLimits:
         high=1.0,
         why="errors of the others' maps are left beside an effect that only corrects them: those take 0.25 at most, a true third 0.6",
     )
+    arm_rms: float = param(
+        1.3,
+        "RMS of arm errors over the robot's prior, of positions and of turns, above which the robot's poses are wrong",
+        low=0.0,
+        why="an arm as inaccurate as its prior: 1.0 with a standard deviation of 0.1 in 16 views; 120 sessions have 1.0 at most",
+    )
     small_together: float = param(
         0.06, "share of the explained chi-square that such effects may explain together", low=0.0, high=1.0, why="beyond, it is `unknown`"
     )

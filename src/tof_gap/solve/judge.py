@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_align.folds import Folds, deal
+from tof_gap.seen.arm_steps import over_prior
 from tof_gap.solve.candidate import HAND_EYE
 from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.time_sync import TimeSync
@@ -88,6 +89,14 @@ class Selector:
         rough = any(e is not None and e.ROUGH > 0.0 for e in effects)
         least = max(self.config.gain, self.config.lens_beside_rough * rough)
         return bool(self.fit(without).theta[: len(always)] ** 2 @ system.normal.info[system.poses + always] > least)
+
+    def needed_by_robot(self, name: str, hypothesis: Hypothesis) -> bool:
+        """Whether, without late stamps, arm errors would exceed the robot's prior in positions and in turns, and do not with them."""
+        if name != TimeSync.NAME:
+            return False
+        without = replace(hypothesis, members=tuple(self.design.without(hypothesis.members, name)))
+        with_them, alone = (over_prior(self.arms(of), self.arms_sd) for of in (hypothesis, without))
+        return alone > self.config.arm_rms >= with_them
 
     def columns(self, members: Iterable[int]) -> Ints:
         """Columns of a hypothesis."""

@@ -21,7 +21,7 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
     the others' maps. An effect is small if it explains little of what all effects explain, little of what they leave, noise included,
     and, as the third, little of the error that neighbours still share: beside a constant of centimetres, a curve of millimetres may
     still halve the rest. A wrong lens explains little, since the lens within the stated calibration absorbs it; it stays if that lens
-    would otherwise contradict its calibration. Motion explains most at edges, where nothing is fitted: it is judged there, once the
+    would otherwise contradict its calibration, as do late stamps if arm errors would otherwise contradict the robot. Motion explains most at edges, where nothing is fitted: it is judged there, once the
     solution is closed (`conclude`).
     """
     whole, small = current, list[str]()
@@ -32,7 +32,8 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
         }
         others = [i for i, m in enumerate(current.members) if judge.design.candidates[m].name not in names]
         beside = float(worth(judge, current)[0][others].clip(0.0).sum()) if others else 0.0
-        least = min((name for name in names if not judge.needed_by_calibration(name, current)), key=lost.__getitem__)
+        apart = (name for name in names if not (judge.needed_by_calibration(name, current) or judge.needed_by_robot(name, current)))
+        least = min(apart, key=lost.__getitem__)
         rest = judge.design.without(current.members, least)
         if lost[least] >= min(judge.config.small_share * (sum(lost.values()) + beside), judge.config.small_left * current.score):
             break

@@ -129,7 +129,7 @@ def account(
     # Late stamps move the cameras along their twist: what is left of that follows the drive.
     on_time = arms_tell and not solved.names(TimeSync.NAME)
     follows, sags = _arm_signs(solved, config.noise.foreign_light) if on_time else (False, False)
-    astray = on_time and over_prior(solved.arms, solved.arms_sd) > config.report.unexplained.arm_rms
+    astray = on_time and over_prior(solved.arms, solved.arms_sd) > config.select.arm_rms
     findings = gated if alone else (*gated, *_findings(solved, config, stated, left_out, follows=follows))
     give_back()  # What the detectors have freed.
     counted = figures(solved, findings, rng, config.report)

@@ -184,3 +184,19 @@ def test_a_lens_is_needed_where_the_freed_one_would_contradict_its_calibration(
     monkeypatch.setattr(Selector, "score", lambda _self, members, inflate: Hypothesis(tuple(members), np.zeros(3), inflate))
     monkeypatch.setattr(Selector, "fit", lambda _self, _: SimpleNamespace(theta=np.array([off, off, 99.0])))
     assert made.needed_by_calibration(name, Hypothesis((0, 1), np.zeros(3), 1.0)) is needed
+
+
+@pytest.mark.parametrize(("without", "with_them", "name", "needed"), [
+    (2.0, 1.0, "time_sync", True),
+    (1.2, 1.0, "time_sync", False),  # an arm as inaccurate as that is usual
+    (2.0, 1.5, "time_sync", False),  # late stamps do not explain the arm's errors
+    (2.0, 1.0, "wiggling", False),
+])  # fmt: skip
+def test_late_stamps_are_needed_where_arm_errors_would_contradict_the_robot(
+    monkeypatch: pytest.MonkeyPatch, without: float, with_them: float, name: str, *, needed: bool
+) -> None:
+    """Arm errors of each hypothesis in standard deviations of the robot's prior, alike over all axes."""
+    made: Any = selector(candidate("wiggling"), candidate("time_sync"), without=lambda members, _: list(members)[:1])
+    monkeypatch.setattr(Selector, "arms", lambda _self, of: np.full((4, 6), with_them if len(of.members) == 2 else without))
+    monkeypatch.setattr(Selector, "arms_sd", np.ones((4, 6)))
+    assert made.needed_by_robot(name, Hypothesis((0, 1), np.zeros(3), 1.0)) is needed

@@ -50,12 +50,12 @@ def test_of_four_effects_the_smallest_has_no_such_excuse() -> None:
     assert named(judge, without_small(judge, hypothesis(judge, "abcd"))[0]) == "abc"
 
 
-def test_a_wrong_lens_stays_however_little_it_shows_and_counts_as_one_of_the_effects() -> None:
-    """Of a, b and the lens c, c explains least, as the lens that is freed takes its pixels; b is next."""
+@pytest.mark.parametrize(("what", "kept"), [({}, "ab"), ({"lens": "c"}, "ac"), ({"late": "c"}, "ac")])
+def test_a_wrong_lens_and_late_stamps_stay_however_little_they_show_and_count_as_one_of_the_effects(what: dict[str, str], kept: str) -> None:
+    """Of a, b and c, c explains least, as the lens that is freed or the arms take its pixels; b is next."""
     scores = {"abc": 600.0, "ab": 614.0, "ac": 640.0, "bc": 1000.0, "a": 660.0}
-    for lens, kept in (("", "ab"), ("c", "ac")):
-        judge: Any = Judge(scores, least_mm=0.1, lens=lens)
-        assert named(judge, without_small(judge, hypothesis(judge, "abc"))[0]) == kept
+    judge: Any = Judge(scores, least_mm=0.1, **what)  # type: ignore[arg-type]
+    assert named(judge, without_small(judge, hypothesis(judge, "abc"))[0]) == kept
 
 
 def test_motion_is_judged_at_edges_and_counts_as_no_effect_here() -> None:
