@@ -152,12 +152,13 @@ def too_few(views: int) -> dict[str, str]:
 
 
 def untested(found: Account, config: GapConfig, law: PhotonLaw | None) -> dict[str, str]:
-    """Effects that the session cannot test, with the reason."""
+    """Effects that the session cannot test and that nothing else shows, with the reason."""
     beside_motion = {
         FlyingPixels.NAME: "motion mixes edges by itself: record at rest",
         HAND_EYE: "motion shifts what poses are known by: record at rest",
     }
-    return not_testable(found.solved.bare, config.noise, law) | (beside_motion if found.solved.names(Motion.NAME) else {})
+    reasons = not_testable(found.solved.bare, config.noise, law) | (beside_motion if found.solved.names(Motion.NAME) else {})
+    return {name: reason for name, reason in reasons.items() if name not in found.names(causes=True)}
 
 
 def law_beside(found: Account, config: GapConfig) -> PhotonLaw | None:

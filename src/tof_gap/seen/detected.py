@@ -46,7 +46,9 @@ def detected_effects(
         for d in found
         if d is not None
     ]
-    if law is None or Ambient.NAME in {*left_out, *(f.name for f in made)} or Ambient.not_testable(session) is not None:
+    # Places are compared with each other: a law that is larger as a whole hides no light there.
+    untested = Ambient.not_testable(replace(session, noise=None)) is not None
+    if law is None or Ambient.NAME in {*left_out, *(f.name for f in made)} or untested:
         return made
     lit = lit_places(views, law, limits.lit)
     return made if lit is None else [lit, *made]
