@@ -26,11 +26,11 @@ class FilterLimits:
         1.5, "amplitude of a hole's rim, over the least", low=1.0, why="just above a threshold, amplitudes vary by noise and slope"
     )
     dimmer: float = param(
-        0.8,
+        0.7,
         "chance that a removed pixel has a lower amplitude than a measured one",
         low=0.5,
         high=1.0,
-        why="outliers of single pixels occur at any amplitude: 0.5",
+        why="outliers of single pixels occur at any amplitude: 0.5; around wrong unwrapping in nine sessions: 0.79 and more",
     )
     quiet_lines: float = param(
         0.3, "loss of the quietest quarter of lines, over that of all", low=0.0, high=1.0, why="lost at random: 0.8; by a filter: 0.1"
@@ -147,6 +147,12 @@ class MissingLimits:
         unit="mm",
         low=0.0,
         why="22 healthy thresholds of a camera of another author: 10 to 33; thresholds that are too strict: 1.1 to 7.4",
+    )
+    by_design_light: float = param(
+        0.25,
+        "threshold amplitude over the session's median up to which that holds",
+        low=0.0,
+        why="healthy thresholds of the same camera: 0.10 to 0.20, with up to 10 % of the pixels lost; a raised threshold in much noise: 0.39",
     )
     brighter: float = param(
         0.8, "chance that a saturated pixel is brighter than a measured one of its part", low=0.5, high=1.0, why="lost at random: 0.5"

@@ -123,7 +123,8 @@ def dropout(
     """`dropout` where more than `lost_share` of all pixels is lost, or `lost_on_part` of one part in two views and more: below a threshold of amplitude, and at random.
 
     A lost pixel has no reliable amplitude; that of the CAD is used, in the unit of the camera's amplitude image. The loss is expected
-    where `stated` includes it, or where light is so weak by the photon law of the session, which `law` gives, that any camera drops it.
+    where `stated` includes it, or where light is so weak by the photon law of the session, which `law` gives, that any camera drops it,
+    and far weaker than usual in the session.
     """
     inside, gone = losses.inside, losses.gone
     part = np.concatenate([v.rendering.part[i] for v, i in zip(views, inside, strict=True)])
@@ -161,7 +162,8 @@ def dropout(
     note = _of_median(effect.threshold, light, known=of_image is not None)
     rare = half == 0.0 and random < limits.lost_share
     known = loss.goes_with in (GoesWith.LIGHT, GoesWith.NOTHING) and stated.includes(effect)
-    expected = known or (loss.goes_with is GoesWith.LIGHT and random < limits.lost_share and _too_weak(views, effect, law(), limits))
+    dim = loss.goes_with is GoesWith.LIGHT and loss.of_median <= limits.by_design_light
+    expected = known or (dim and random < limits.lost_share and _too_weak(views, effect, law(), limits))
     found = Finding(effect, LOSS_CONFIDENT, share=share, note=note, size=loss.size, remedy=loss.remedy, parts=loss.parts, rare=rare)
     return replace(found, expected=expected)
 

@@ -107,13 +107,13 @@ def test_without_an_amplitude_image_the_threshold_says_what_it_is_of() -> None:
     assert "no amplitude image: amplitude is albedo cos(incidence) / r²" in found.note
 
 
-@pytest.mark.parametrize(("shot_mm", "expected"), [(6.0, False), (7.5, True)])
-def test_loss_of_light_too_weak_to_measure_is_by_design(shot_mm: float, expected: bool) -> None:  # noqa: FBT001
+@pytest.mark.parametrize(("shot_mm", "light", "expected"), [(6.0, 1.0, False), (7.5, 1.0, True), (7.5, 0.5, False)])
+def test_loss_of_light_too_weak_to_measure_is_by_design_where_it_is_weaker_than_usual(shot_mm: float, light: float, *, expected: bool) -> None:
     """At the threshold, 0.73 of the median amplitude, noise is 1.17 times as large as there: 7.0 and 8.8 mm."""
     lost, _ = dark_lost()
     median = float(np.median(np.concatenate([v.frame.amplitude[v.smooth] for v in dwelled(0.0)])))
     law = PhotonLaw(floor_m=0.0, shot_m=1e-3 * shot_mm, ambient_m=0.0, far_m=0.0, reference=median)
-    (found,) = missing_effects(lost, MissingLimits(), law=lambda: law)
+    (found,) = missing_effects(lost, MissingLimits(by_design_light=light), law=lambda: law)
     assert found.expected is expected
 
 
@@ -123,7 +123,8 @@ def test_a_camera_that_averages_drops_weak_light_by_the_noise_before_its_average
     averaged = [replace(v, correlation=replace(v.correlation, area=9.0)) for v in lost]
     median = float(np.median(np.concatenate([v.frame.amplitude[v.smooth] for v in dwelled(0.0)])))
     law = PhotonLaw(floor_m=0.0, shot_m=2.5e-3, ambient_m=0.0, far_m=0.0, reference=median)
-    expected = [missing_effects(views, MissingLimits(), law=lambda: law)[0].expected for views in (lost, averaged)]
+    limits = MissingLimits(by_design_light=1.0)
+    expected = [missing_effects(views, limits, law=lambda: law)[0].expected for views in (lost, averaged)]
     assert expected == [False, True]
 
 
