@@ -71,7 +71,7 @@ class Session:
 
     parts: names of the scene's parts, in the scene's order; has_amplitude: whether any view has an amplitude image; modulated: whether
     noise depends on light, as for time-of-flight cameras, and not on range squared, as for stereo cameras; law: the camera's photon law
-    from `--sensor`; noise: temporal noise by amplitude; exposed: whether exposure is automatic; noise_of_steps: whether noise grows with
+    from `--sensor`; noise: temporal noise by amplitude; exposed: whether exposure is automatic, or exposures are merged; noise_of_steps: whether noise grows with
     the steps of a fixed pattern, over which the camera averages or not; averages: whether the camera averages over neighbours; posed_apart: whether all poses are independent of depth and have a
     covariance, as poses from a board's corners do.
     """

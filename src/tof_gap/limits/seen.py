@@ -256,6 +256,12 @@ class NoiseLimits:
         high=1.0,
         why="a session in three hundred; three sessions with automatic exposure have 6e-5 at most",
     )
+    exposure_rise: float = param(
+        1.2,
+        "variance of noise over that at a lower amplitude from which long and short exposures are merged",
+        low=1.0,
+        why="one exposure, 28 sessions: 1.0, beside noise of lines 1.1; a camera that merges two: 1.35",
+    )
     line_mm: float = param(
         0.3, "noise of whole rows or columns", unit="mm", low=0.0, why="51 emerging cameras without it show 0.27 mm at most"
     )

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_gap.seen.exposure import exposed
 from tof_gap.seen.finding import Finding
 from tof_gap.seen.lit_places import lit_places
-from tof_gap.seen.photons import as_captures_differ, automatic_exposure, binned, code_step, fit_law, variance_of_mean
+from tof_gap.seen.photons import as_captures_differ, binned, code_step, fit_law, variance_of_mean
 from tof_gap.seen.residual import single
 from tof_gap.seen.session import session_of
 from tof_gap.seen.whole_average import wholly_averaged
@@ -55,12 +56,12 @@ def detected_effects(
 
 
 def judged(views: Sequence[ViewEvidence], limits: NoiseLimits, law: PhotonLaw | None) -> Session:
-    """The session with its noise by amplitude, and whether exposure is automatic, which matters beside a stated law alone."""
+    """The session with its noise by amplitude, and whether exposures change, which matters beside a stated law alone."""
     bins = as_captures_differ(binned(views, limits.bins, limits), 0.0 if law is None else law.between)
     whole = wholly_averaged(bins, views[0].correlation)
     many = law is not None and len(bins.view) >= limits.least_bins
-    exposed = many and automatic_exposure(bins, fit_law(bins, code_step(views), limits), limits)
-    return replace(session_of(views, limits, law=law), noise=whole, exposed=exposed)
+    changes = many and exposed(bins, fit_law(bins, code_step(views), limits), limits)
+    return replace(session_of(views, limits, law=law), noise=whole, exposed=changes)
 
 
 def explained(views: Sequence[ViewEvidence], found: Sequence[Finding]) -> list[ViewEvidence]:

@@ -13,12 +13,12 @@ from tof_core.shares import in_percent
 from tof_core.stats import joined
 from tof_gap.seen.bursts import bursts
 from tof_gap.seen.correlation import INDEPENDENT
+from tof_gap.seen.exposure import exposed
 from tof_gap.seen.finding import CONFIDENT, Finding, most
 from tof_gap.seen.line_noise import line_map, line_noise, line_noise_by_view
 from tof_gap.seen.pattern import beside_pixels, single_pixels
 from tof_gap.seen.photons import (
     as_captures_differ,
-    automatic_exposure,
     between_ratio,
     binned,
     code_step,
@@ -118,14 +118,14 @@ def noise_effects(
     b = of_one_capture(without_offsets(b, near), np.array([v.view.captures for v in views], float), step, limits)
     b = as_captures_differ(b, between_ratio(b) if law is None else law.between)
     fitted = None if dark else fit_law(b, step, limits)
-    exposed = fitted is not None and automatic_exposure(b, fitted, limits)
-    hit = None if dark or patchy or {Interference.NAME, Noise.NAME} <= left_out else bursts(views, b, step, limits, exposed=exposed)
+    changes = fitted is not None and exposed(b, fitted, limits)
+    hit = None if dark or patchy or {Interference.NAME, Noise.NAME} <= left_out else bursts(views, b, step, limits, exposed=changes)
     if hit is not None:
         return [] if hit.name in left_out else [hit]
     if Noise.NAME in left_out:
         return []
     usual = law is not None and over_law(b, law) < 1.0 + limits.law_excess
-    return _noise(views, near, b, None if usual or patchy or exposed or piled_up else fitted, limits)
+    return _noise(views, near, b, None if usual or patchy or changes or piled_up else fitted, limits)
 
 
 def without_offsets(b: NoiseBins, views: Sequence[ViewEvidence]) -> NoiseBins:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import median_filter
 from scipy.optimize import nnls
-from scipy.special import stdtr
 
 from tof_core.stats import by_group, hats, robust_std, second_differences, trimmed_std
 from tof_gap.seen.finding import most
@@ -174,26 +173,7 @@ def view_ratio(b: NoiseBins, fitted: LawFit, views: int, limits: NoiseLimits, *,
     return np.array([np.median(ratio[b.view == i]) if (b.view == i).any() else 1.0 for i in range(views)])
 
 
-def automatic_exposure(b: NoiseBins, fitted: LawFit, limits: NoiseLimits) -> bool:
-    """Whether views are noisier the brighter they are, at the same amplitude.
-
-    Automatic exposure shortens the exposure of a bright view. If the camera states amplitudes per exposure, fewer photons are behind the
-    same amplitude there. The noise then is no function of amplitude and range: neither its constant part nor that of a view can be
-    judged by the photon law. By rank correlation over views, which single noisy views hardly change.
-    """
-    seen = np.unique(b.view.astype(int))
-    free = len(seen) - 2
-    if free < 1:
-        return False
-    noise, light = (
-        np.argsort(np.argsort(x[seen], kind="stable"), kind="stable")
-        for x in (view_ratio(b, fitted, int(seen[-1]) + 1, limits), _of_views(b))
-    )
-    r = float(np.corrcoef(noise, light)[0, 1])
-    return bool(stdtr(free, -r * np.sqrt(free / max(1.0 - r**2, 1e-12))) < limits.exposure_chance)
-
-
-def _of_views(b: NoiseBins) -> Float:
+def of_views(b: NoiseBins) -> Float:
     """(V,) amplitude of each view's brightest bin."""
     brightest = np.zeros(int(b.view.max()) + 1)
     np.maximum.at(brightest, b.view.astype(int), b.amplitude)
@@ -202,7 +182,7 @@ def _of_views(b: NoiseBins) -> Float:
 
 def _brightest(b: NoiseBins) -> Float:
     """(n,) amplitude of the brightest bin of each bin's view."""
-    return np.asarray(_of_views(b)[b.view.astype(int)])
+    return np.asarray(of_views(b)[b.view.astype(int)])
 
 
 def _over_range(b: NoiseBins, knots: int) -> Float:

@@ -122,7 +122,7 @@ class Ambient(Effect):
         if not session.has_amplitude:
             return NO_AMPLITUDE
         if session.exposed:
-            return "exposure is automatic: views are noisier the brighter they are, at the same amplitude"
+            return "exposure is automatic, or long and short exposures are merged: brighter views or pixels are noisier"
         if session.noise_of_steps:
             return "noise grows with the steps of the fixed pattern: the camera averages over fewer neighbours there than the photon law assumes"
         if session.law is None:
