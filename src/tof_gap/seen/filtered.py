@@ -12,7 +12,7 @@ from tof_core.shares import in_percent
 from tof_core.stats import pairs_below
 from tof_gap.seen.edges import edge_band
 from tof_gap.seen.finding import LOSS_CONFIDENT, Finding
-from tof_gap.seen.lost import NEIGHBOURS, expected
+from tof_gap.seen.lost import NEIGHBOURS, expected, other_than_cad
 from tof_sensor.effects.phase_wrap import SINGLE_PIXELS, PhaseWrap
 from tof_sensor.frame import lambert_amplitude
 
@@ -53,7 +53,7 @@ def filtered(views: Sequence[ViewEvidence], limits: MissingLimits) -> list[Mask]
     All three must hold, or none is returned: holes have a filter's shape, their rims are brighter than those of a threshold, and lost
     pixels have a lower amplitude than measured ones. None is returned without an amplitude image either.
     """
-    inside, shaped = [expected(v, limits) for v in views], [_shaped(v.view.valid, limits.filter) for v in views]
+    inside, shaped = [expected(v, limits) for v in views], [_shaped(v.view.valid | other_than_cad(v), limits.filter) for v in views]
     none = [np.zeros(i.shape, bool) for i in inside]
     if not any((s & i).any() for s, i in zip(shaped, inside, strict=True)):
         return none

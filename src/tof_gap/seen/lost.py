@@ -40,13 +40,19 @@ LEAST_COVER = 0.1
 def expected(view: ViewEvidence, limits: MissingLimits) -> Mask:
     """(H, W) pixels that should return light: on the CAD, not at grazing incidence, away from edges and from steps of a fixed pattern.
 
-    A lamp beside the lens casts a shadow beside an edge: some pixels wide, or many by near surfaces. A filter in the camera mistakes
+    Nor beside missing parts and foreign objects, which were taken out: their outlines are edges too. A lamp beside the lens casts a shadow beside an edge: some pixels wide, or many by near surfaces. A filter in the camera mistakes
     steps of the pattern for edges.
     """
     grazing = view.rendering.incidence > np.radians(limits.lost_grazing_deg)
-    beside = binary_dilation(view.edge, iterations=limits.edge_reach_px) if limits.edge_reach_px else view.edge
+    edge = view.edge | other_than_cad(view)
+    beside = binary_dilation(edge, iterations=limits.edge_reach_px) if limits.edge_reach_px else edge
     smooth = view.frame.valid & ~beside & ~grazing & ~shadowed(view.frame.depth, view.frame.camera, limits.lamp_m)
     return np.asarray(smooth if view.stepped is None else smooth & ~view.stepped)
+
+
+def other_than_cad(view: ViewEvidence) -> Mask:
+    """(H, W) pixels of missing parts and foreign objects, which were taken out of the view (`seen.world`)."""
+    return np.asarray(view.view.reason == Reason.NOT_CAD)
 
 
 def brightest(views: Sequence[ViewEvidence], limits: MissingLimits) -> float:

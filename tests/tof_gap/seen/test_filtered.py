@@ -68,6 +68,19 @@ def test_loss_below_a_threshold_of_amplitude_is_dropout() -> None:
     assert not any(f.any() for f in filtered(lossy, LIMITS))
 
 
+@pytest.mark.parametrize("outline_px", [0, 2])
+def test_a_foreign_object_that_was_taken_out_is_no_hole_and_its_outline_is_an_edge(outline_px: int) -> None:
+    """An object over dark pixels, and the outline that the camera's edge filter removes around it."""
+    lossy = session(lambda _, rng: rng.random(SHAPE) < 0.0)
+    of = np.zeros(SHAPE, bool)
+    of[8:38, 8:38] = True
+    removed = binary_dilation(of, BLOCK, iterations=outline_px) if outline_px else of
+    reason = np.where(of, Reason.NOT_CAD, np.where(removed, Reason.NO_RETURN, Reason.VALID)).astype(np.uint8)
+    seen = [replace(v, view=replace(v.view, depth=np.where(removed, np.float32(np.nan), v.view.depth), reason=reason)) for v in lossy]
+    assert names(seen) == []
+    assert not any(f.any() for f in filtered(seen, LIMITS))
+
+
 def test_single_pixels_lost_at_random_are_dropout() -> None:
     assert names(session(lambda _, rng: rng.random(SHAPE) < 0.05)) == ["dropout"]
 
