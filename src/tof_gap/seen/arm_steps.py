@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import fdtrc
+from scipy.special import chdtrc, fdtrc
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,7 +49,9 @@ def contents(views: Sequence[ViewEvidence]) -> Float:
 
 
 def chance_of_sagging(turns: Float, cameras: Float, station: Ints) -> float:
-    """Probability that turns follow the attitude of the hand as closely as they do by chance, for the axis that follows it most.
+    """Probability that turns follow the attitude of the hand as closely as they do by chance.
+
+    A mount may give way about one axis or about several: the axis that follows most, and all of them together (Fisher 1925), are two tests.
 
     Args:
         turns: (V, 3) turns of arm errors about the camera's axes, over their standard deviations by the robot's prior.
@@ -57,8 +59,9 @@ def chance_of_sagging(turns: Float, cameras: Float, station: Ints) -> float:
         station: (V,) of each view.
     """
     down = -cameras[:, 2, :3]
-    least = min(chance_of_following(of_axis, down, station) for of_axis in turns.T)
-    return min(1.0, len(turns.T) * least)
+    of_axes = np.array([chance_of_following(of_axis, down, station) for of_axis in turns.T])
+    together = float(chdtrc(2 * len(of_axes), -2.0 * np.log(np.maximum(of_axes, 1e-300)).sum()))
+    return min(1.0, 2.0 * min(len(of_axes) * float(of_axes.min()), together))
 
 
 def over_prior(arms: Float, arms_sd: Float) -> float:

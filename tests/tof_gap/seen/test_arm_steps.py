@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_core.se3 import exp
@@ -65,6 +66,20 @@ def test_a_camera_that_its_weight_turns_follows_the_attitude_of_the_hand() -> No
     assert chance_of_sagging(turns, cameras, ONE_STATION) < 1e-5
     upright = np.tile(np.eye(4), (VIEWS, 1, 1))
     assert chance_of_sagging(turns, upright, ONE_STATION) == 1.0, "one attitude shows nothing"
+
+
+def test_a_mount_that_gives_way_about_two_axes_is_known_by_both() -> None:
+    """Turns of 0.9 of the arm's standard deviation about each of two axes: one alone may be chance in one of a hundred sessions."""
+    rng = np.random.default_rng(11)
+    nod, roll = rng.uniform(-0.6, 0.6, (2, VIEWS))
+    cameras = np.tile(np.eye(4), (VIEWS, 1, 1))
+    cameras[:, :3, :3] = Rotation.from_euler("zxy", np.column_stack([roll, nod, np.zeros(VIEWS)])).as_matrix()
+    one = rng.standard_normal((VIEWS, 3)) * 0.3
+    one[:, 0] += 1.2 * np.sin(nod)
+    both = one.copy()
+    both[:, 1] += 1.2 * np.sin(nod)
+    alone, together = (chance_of_sagging(turns, cameras, ONE_STATION) for turns in (one, both))
+    assert together < 0.1 * alone
 
 
 def test_arm_errors_exceed_the_prior_if_positions_and_turns_do() -> None:
