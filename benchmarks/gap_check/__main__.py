@@ -32,7 +32,9 @@ def main() -> int:
         choices=("record", "examine", "baselines", "score", "second", "labels"),
         help="one step alone; of the foreign form, second: promises on second sessions, labels: labels without any sensor model, and with --joint",
     )
-    parser.add_argument("--also", type=Path, nargs="+", default=[], help="folders of other seeds, whose foreign sessions are scored in the same table")
+    parser.add_argument(
+        "--also", type=Path, nargs="+", default=[], help="folders of other seeds, whose foreign sessions are scored in the same table"
+    )
     parser.add_argument("--baselines", action="store_true", help="run least squares after ICP, and boosted trees, on the same bags")
     parser.add_argument("--write", action="store_true", help="write docs/gap_check.md")
     args = parser.parse_args()

@@ -108,7 +108,9 @@ def test_without_an_amplitude_image_the_threshold_says_what_it_is_of() -> None:
 
 
 @pytest.mark.parametrize(("shot_mm", "light", "expected"), [(6.0, 1.0, False), (7.5, 1.0, True), (7.5, 0.5, False)])
-def test_loss_of_light_too_weak_to_measure_is_by_design_where_it_is_weaker_than_usual(shot_mm: float, light: float, *, expected: bool) -> None:
+def test_loss_of_light_too_weak_to_measure_is_by_design_where_it_is_weaker_than_usual(
+    shot_mm: float, light: float, *, expected: bool
+) -> None:
     """At the threshold, 0.73 of the median amplitude, noise is 1.17 times as large as there: 7.0 and 8.8 mm."""
     lost, _ = dark_lost()
     median = float(np.median(np.concatenate([v.frame.amplitude[v.smooth] for v in dwelled(0.0)])))

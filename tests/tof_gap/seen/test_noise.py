@@ -12,8 +12,8 @@ from tests.tof_gap.quiet_views import CAMERA, SHAPE, SIGMA_M, VIEWS, rendering, 
 from tof_gap.limits.seen import EvidenceLimits, LevelLimits, NoiseLimits
 from tof_gap.seen.bursts import _stand_out
 from tof_gap.seen.detected import judged
-from tof_gap.seen.level import depth_step, noise_level
 from tof_gap.seen.exposure import exposed
+from tof_gap.seen.level import depth_step, noise_level
 from tof_gap.seen.noise import noise_effects, without_offsets
 from tof_gap.seen.photons import binned, fit_law, own_law, quiet_law, view_ratio
 from tof_gap.seen.residual import gather

@@ -51,7 +51,9 @@ def test_of_four_effects_the_smallest_has_no_such_excuse() -> None:
 
 
 @pytest.mark.parametrize(("what", "kept"), [({}, "ab"), ({"lens": "c"}, "ac"), ({"late": "c"}, "ac")])
-def test_a_wrong_lens_and_late_stamps_stay_however_little_they_show_and_count_as_one_of_the_effects(what: dict[str, str], kept: str) -> None:
+def test_a_wrong_lens_and_late_stamps_stay_however_little_they_show_and_count_as_one_of_the_effects(
+    what: dict[str, str], kept: str
+) -> None:
     """Of a, b and c, c explains least, as the lens that is freed or the arms take its pixels; b is next."""
     scores = {"abc": 600.0, "ab": 614.0, "ac": 640.0, "bc": 1000.0, "a": 660.0}
     judge: Any = Judge(scores, least_mm=0.1, **what)  # type: ignore[arg-type]
