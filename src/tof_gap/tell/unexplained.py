@@ -98,12 +98,13 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     size = 1e3 * float(np.sqrt(means.size2))
     before2 = max(gap.shown_mm[0] ** 2, 1e-9)
     gross = _gross(found, missing)
-    least_mm = limit.alone_mm if all(EFFECTS[name].EXACT for name in solved.maps) else limit.mm
+    exact = all(EFFECTS[name].EXACT for name in solved.maps)
+    least_mm, on_part_mm = (limit.alone_mm, limit.alone_mm) if exact else (limit.mm, limit.part_mm)
     # The noise of rows and stripes is uneven over parts: beside it no part is judged by itself. Coarse maps err on parts most.
     off = np.zeros(len(scene.parts), bool)
     if not figures.alike_m:
         before = block_means(views, residual, noise2, limits.block_px, limit.block_pixels)
-        off = off_parts(means, before, len(scene.parts), len(views), limit, max(least_mm * 1e-3, rough_m(solved)))
+        off = off_parts(means, before, len(scene.parts), len(views), limit, max(on_part_mm * 1e-3, rough_m(solved)))
     least = np.hypot(least_mm, 1e3 * figures.alike_m)
     of_lines = lines_off(line_sizes_m(views, left, noise2), least, limit.share * before2)
     a_gap, beyond_maps = before2 > limit.mm**2, size**2 > limit.share * before2

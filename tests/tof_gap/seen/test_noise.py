@@ -305,9 +305,9 @@ def test_noise_that_rises_where_a_short_exposure_begins_is_of_merged_exposures(s
     """Pixels above four times the median amplitude are taken from an exposure that collects the share `short` of the photons."""
     amplitude = np.geomspace(500.0, 20_000.0, 20 * VIEWS)
     variance = 0.001**2 * 5000.0 / amplitude / np.where(amplitude > 8000.0, short, 1.0)
-    variance *= rng().normal(1.0, 0.03, len(variance))
+    variance *= rng().normal(1.0, 0.03, amplitude.shape)
     ones = np.ones_like(amplitude)
-    b = NoiseBins(np.arange(len(amplitude)) % VIEWS * 1.0, amplitude, ones, ones, variance, 2000.0 * ones)
+    b = NoiseBins(np.resize(np.arange(float(VIEWS)), amplitude.shape), amplitude, ones, ones, variance, 2000.0 * ones)
     assert exposed(b, fit_law(b, 0.0, LIMITS), LIMITS) == merged
 
 

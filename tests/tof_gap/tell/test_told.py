@@ -13,6 +13,7 @@ import pytest
 from tof_gap.limits.foreign import ForeignLightLimits
 from tof_gap.limits.missing import MissingLimits
 from tof_gap.limits.report import ReportLimits
+from tof_gap.limits.solve import SelectLimits
 from tof_gap.seen import detected, missing, noise
 from tof_gap.seen.finding import Finding
 from tof_gap.tell import account as room
@@ -79,7 +80,7 @@ SOLVED: Any = SimpleNamespace(
     cameras=np.tile(np.eye(4), (20, 1, 1)),
     chain=SimpleNamespace(station=np.zeros(20, int)),
 )
-CONFIG: Any = SimpleNamespace(report=ReportLimits(), noise=SimpleNamespace(foreign_light=ForeignLightLimits()))
+CONFIG: Any = SimpleNamespace(report=ReportLimits(), select=SelectLimits(), noise=SimpleNamespace(foreign_light=ForeignLightLimits()))
 
 
 @pytest.mark.parametrize(
@@ -181,7 +182,10 @@ def findings_of(*, motion: bool = False, follows: bool = False, left_out: frozen
         }
     )
     config: Any = SimpleNamespace(
-        noise=SimpleNamespace(foreign_light=FIELDS, foreign_lamp="lamp", repeated=2.0), missing=MissingLimits(), report=ReportLimits()
+        noise=SimpleNamespace(foreign_light=FIELDS, foreign_lamp="lamp", repeated=2.0),
+        missing=MissingLimits(),
+        report=ReportLimits(),
+        select=SelectLimits(),
     )
     return _findings(solved, config, NOTHING_STATED, left_out, follows=follows)
 
