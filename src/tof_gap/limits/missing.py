@@ -23,7 +23,10 @@ class FilterLimits:
         0.002, "quantile of returned amplitudes that is the least", low=0.0, high=0.5, why="single pixels are dimmer by noise"
     )
     rim: float = param(
-        1.5, "amplitude of a hole's rim, over the least", low=1.0, why="just above a threshold, amplitudes vary by noise and slope"
+        1.2,
+        "amplitude of a hole's rim, over the least",
+        low=1.0,
+        why="thresholds of two cameras, 20 sessions: 1.05 at most; around wrong unwrapping, eleven sessions: 1.3 and more",
     )
     dimmer: float = param(
         0.7,

@@ -73,6 +73,13 @@ def filtered(views: Sequence[ViewEvidence], limits: MissingLimits) -> list[Mask]
     return gone if chance_dimmer(views, inside, gone) >= limits.filter.dimmer else none
 
 
+def removed_for_noise(views: Sequence[ViewEvidence], limits: MissingLimits) -> list[Mask]:
+    """(H, W) per view: pixels that a filter removed since their noise reaches what it lets pass; these are no effect."""
+    holes = filtered(views, limits)
+    by_noise = any(h.any() for h in holes) and _noise_may_reach(views, holes, limits)
+    return holes if by_noise else [np.zeros(h.shape, bool) for h in holes]
+
+
 def _shaped(valid: Mask, limits: FilterLimits) -> Mask:
     """(H, W) pixels in holes that morphological opening by a 3 x 3 neighbourhood keeps."""
     holes, count = label(~valid, NEIGHBOURS)

@@ -168,10 +168,11 @@ def dropout(
     note = _of_median(effect.threshold, light, known=of_image is not None)
     rare = half == 0.0 and random < limits.lost_share
     known = loss.goes_with in (GoesWith.LIGHT, GoesWith.NOTHING) and stated.includes(effect)
-    dim = loss.goes_with is GoesWith.LIGHT and loss.of_median <= limits.by_design_light
-    expected = known or (dim and random < limits.lost_share and _too_weak(views, effect, law(), limits))
+    dim = loss.goes_with is GoesWith.LIGHT and loss.of_median <= limits.by_design_light and random < limits.lost_share
+    too_weak = not known and dim and _too_weak(views, effect, law(), limits)
+    why = f"a camera drops light by design whose depth is noisier than {limits.by_design_mm:g} mm" if too_weak else ""
     found = Finding(effect, LOSS_CONFIDENT, share=share, note=note, size=loss.size, remedy=loss.remedy, parts=loss.parts, rare=rare)
-    return replace(found, expected=expected)
+    return replace(found, expected=known or too_weak, by_design=why)
 
 
 def _too_weak(views: Sequence[ViewEvidence], loss: Dropout, law: PhotonLaw | None, limits: MissingLimits) -> bool:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import binary_dilation
 
+from tof_gap.seen.filtered import removed_for_noise
 from tof_gap.seen.lost import brightest, expected, lost
 from tof_gap.seen.lost_by_pixel import lost_by_pixels
 from tof_gap.seen.residual import gross_bound
@@ -231,7 +232,8 @@ def _lost_pixels(found: Account, parts: int, missing: MissingLimits) -> Float:
     if FixedPattern.NAME in found.solved.maps and lost_by_pixels(views, missing):
         return np.zeros(parts)
     too_bright = brightest(views, missing)
-    gone = by_part(views, (lost(v, missing, too_bright) for v in views), parts)
+    removed = removed_for_noise(views, missing)
+    gone = by_part(views, (np.where(r, 0.0, lost(v, missing, too_bright)) for v, r in zip(views, removed, strict=True)), parts)
     inside = sum(int(expected(v, missing).sum()) for v in views)
     return gone if gone.sum() > missing.lost_share * inside else np.zeros(parts)
 

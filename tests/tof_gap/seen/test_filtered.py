@@ -14,7 +14,7 @@ from scipy.stats import mannwhitneyu
 from tests.tof_gap.quiet_views import SHAPE, views
 from tof_core.reasons import Reason
 from tof_gap.limits.missing import MissingLimits
-from tof_gap.seen.filtered import chance_dimmer, failed_unwrapping, filtered
+from tof_gap.seen.filtered import chance_dimmer, failed_unwrapping, filtered, removed_for_noise
 from tof_gap.seen.missing import missing_effects
 from tof_sensor.effects.phase_wrap import SINGLE_PIXELS, PhaseWrap
 from tof_sensor.frame import lambert_amplitude
@@ -95,6 +95,15 @@ def test_large_holes_at_any_light_are_dropout() -> None:
 
 def test_noise_that_reaches_what_a_filter_lets_pass_is_no_failed_unwrapping() -> None:
     assert names(session(outliers_in_weak_light, sigma=5.0)) == []
+
+
+@pytest.mark.parametrize(("sigma", "removed"), [(1.0, False), (5.0, True)])
+def test_what_a_filter_removes_for_noise_is_known(sigma: float, *, removed: bool) -> None:
+    """Five times the noise reaches what the filter lets pass; at its usual noise the same holes are around outliers."""
+    lossy = session(outliers_in_weak_light, sigma=sigma)
+    holes = removed_for_noise(lossy, LIMITS)
+    assert any(h.any() for h in holes) == removed
+    assert not removed or all(np.array_equal(h, f) for h, f in zip(holes, filtered(lossy, LIMITS), strict=True))
 
 
 def test_the_filter_sees_the_noise_of_single_captures() -> None:

@@ -207,11 +207,12 @@ def test_an_effect_that_is_contradicted_is_stated_with_what_contradicts_it() -> 
 
 
 def test_what_is_expected_of_a_camera_is_stated_and_what_is_found_is_not() -> None:
-    known = Finding(Dropout(threshold=50.0), 0.9, size="3 % of the pixels, those of weak light", expected=True)
+    size, why = "3 % of the pixels, those of weak light", "a camera drops light by design whose depth is noisier than 8 mm"
+    weak = Finding(Dropout(threshold=50.0), 0.9, size=size, expected=True, by_design=why)
     steps = Finding(Quantization(step_m=0.004), 1.0, expected=True)
-    assert expected_words([known, Finding(Interference(burst_m=0.002), 0.95), steps]) == [
-        "expected of this camera: dropout (3 % of the pixels, those of weak light)",
-        "expected of this camera: quantization",
+    assert expected_words([weak, Finding(Interference(burst_m=0.002), 0.95), steps]) == [
+        f"not in the verdict: dropout ({size}), as {why}",
+        "not in the verdict: quantization, as the camera is known for it (--sensor)",
     ]
 
 
