@@ -228,13 +228,15 @@ def _named(parts: Sequence[Part], views: Sequence[ViewEvidence], floor_std: floa
     if size <= 0:
         return []
     maps = [part.common for part in parts if part.common is not None]
+    note = ", ".join(f"{1e3 * part.size_m:.1f} mm {part.of}" for part in parts)
     found = Finding(
         Noise(extra_m=min(size, most(Noise, "extra_m"))),
         CONFIDENT,
         {"extra_m": floor_std},
         of_means(views, size),
         common=sum(maps[1:], maps[0]) if maps else None,
-        note=", ".join(f"{1e3 * part.size_m:.1f} mm {part.of}" for part in parts),
+        note=note,
+        size=f"{note}, beside the photon noise",
         own_noise=next((part.where for part in parts if part.where is not None), None),
         everywhere=any(part.of == EVERYWHERE for part in parts),
     )

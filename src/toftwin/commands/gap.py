@@ -223,7 +223,7 @@ def summary(d: Diagnosis) -> str:
     if d.chain.root is None:
         seen, expected = ("{:.1f} mm and {:.2f} degrees".format(*of(d)) for of in (arm_errors, arm_prior))
         lines.append(
-            f"errors of the arm from view to view: {seen} RMS over all axes (expected by align.priors.arm_mm and arm_deg per axis: {expected})"
+            f"errors of the arm from view to view: {seen} RMS over all axes ({expected} by align.priors.arm_mm and arm_deg, which --set changes to those of your arm)"
         )
         lines.append(calibration_words(d.config.calibration))
     if d.unexplained.structured:
@@ -242,9 +242,11 @@ def cause_line(c: Cause, d: Diagnosis) -> str:
 
     away = c.alone.off_edges
     shrink, of_what = (c.alone.shrink, "the gap") if away is None else (away, "the gap away from edges")
-    share = "none" if shrink is None or shrink <= 0 else percent(shrink)
-    alone = (
-        "" if shrink is None else f"; alone it explains {share} of {of_what}{', but more of it beside the others' if shrink <= 0 else ''}"
-    )
+    if shrink is None:
+        alone = ""
+    elif shrink > 0:
+        alone = f"; alone it explains {percent(shrink)} of {of_what}"
+    else:
+        alone = f"; {of_what} shrinks by it only once the other effects are simulated too"
     of = " that it is one of these" if "|" in c.named.verdict else ""
     return f"  {c.named.verdict}{' (suspected)' if d.suspected(c) else ''}: confidence {d.confidence(c):.2f}{of}{alone}"
