@@ -35,7 +35,7 @@ def failed_unwrapping(views: Sequence[ViewEvidence], holes: Sequence[Mask], limi
     """
     inside = [expected(v, limits) for v in views]
     gone = np.concatenate([h[i] for h, i in zip(holes, inside, strict=True)])
-    if gone.mean() < limits.lost_share or _noise_may_reach(views, holes, limits):
+    if gone.mean() < limits.lost_share or noise_may_reach(views, holes, limits):
         return None
     # A pixel is lost where it or one of its neighbours is an outlier.
     share = min(1.0 - (1.0 - float(gone.mean())) ** (1 / NEIGHBOURS.size), 0.5 * SINGLE_PIXELS)
@@ -76,7 +76,7 @@ def filtered(views: Sequence[ViewEvidence], limits: MissingLimits) -> list[Mask]
 def removed_for_noise(views: Sequence[ViewEvidence], limits: MissingLimits) -> list[Mask]:
     """(H, W) per view: pixels that a filter removed since their noise reaches what it lets pass; these are no effect."""
     holes = filtered(views, limits)
-    by_noise = any(h.any() for h in holes) and _noise_may_reach(views, holes, limits)
+    by_noise = any(h.any() for h in holes) and noise_may_reach(views, holes, limits)
     return holes if by_noise else [np.zeros(h.shape, bool) for h in holes]
 
 
@@ -103,7 +103,7 @@ def chance_dimmer(views: Sequence[ViewEvidence], inside: Sequence[Mask], gone: S
     return dimmer / pairs if pairs else 1.0
 
 
-def _noise_may_reach(views: Sequence[ViewEvidence], holes: Sequence[Mask], limits: MissingLimits) -> bool:
+def noise_may_reach(views: Sequence[ViewEvidence], holes: Sequence[Mask], limits: MissingLimits) -> bool:
     """Whether noise at the rims is as large as the steps that the filter must pass: a surface at `lost_grazing_deg` over a neighbourhood.
 
     The filter sees the noise of single captures.

@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from tof_gap.seen.filtered import failed_unwrapping, filtered
+import numpy as np
+
+from tof_gap.seen.filtered import failed_unwrapping, filtered, noise_may_reach
 from tof_gap.seen.lost import dropout, least_light, losses_of
 from tof_gap.seen.mixed import flying_pixels
 from tof_gap.seen.wrapped import phase_wrap
@@ -20,6 +23,7 @@ if TYPE_CHECKING:
 
     from tof_gap.limits.missing import MissingLimits
     from tof_gap.seen.finding import Finding
+    from tof_gap.seen.lost import Losses
     from tof_gap.seen.residual import ViewEvidence
     from tof_sensor.effects.photon_law import PhotonLaw
     from tof_sensor.stated import StatedNoise
@@ -41,10 +45,20 @@ def missing_effects(
     holes = filtered(views, limits)
     losses = losses_of(views, limits, holes)
     detectors: dict[str, Callable[[], Finding | None]] = {
-        Dropout.NAME: lambda: dropout(views, limits, losses, stated, law),
+        Dropout.NAME: lambda: _beside_noise(dropout(views, limits, losses, stated, law), views, losses, limits),
         PhaseWrap.NAME: lambda: phase_wrap(views, limits) or failed_unwrapping(views, holes, limits),
         FlyingPixels.NAME: lambda: flying_pixels(views, limits, least_light(views, limits, losses)),
     }
     apart = left_out | ({FlyingPixels.NAME} if blurred else frozenset())
     found = (detect() for name, detect in detectors.items() if name not in apart)
     return [f for f in found if f is not None]
+
+
+def _beside_noise(found: Finding | None, views: Sequence[ViewEvidence], losses: Losses, limits: MissingLimits) -> Finding | None:
+    """The finding `dropout`, by design where a few pixels are lost at random whose noise reaches what a filter in the camera lets pass."""
+    if found is None or not isinstance(found.effect, Dropout) or found.effect.threshold > 0.0 or found.expected:
+        return found
+    few = 0.0 < losses.gone.mean() < limits.filter.outliers
+    if not few or not noise_may_reach(views, [np.asarray(share > 0.0) for share in losses.share], limits):
+        return found
+    return replace(found, expected=True, size=found.effect.stated, by_design="a filter in the camera removes outliers of noise this large")

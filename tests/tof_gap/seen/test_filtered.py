@@ -16,6 +16,7 @@ from tof_core.reasons import Reason
 from tof_gap.limits.missing import MissingLimits
 from tof_gap.seen.filtered import chance_dimmer, failed_unwrapping, filtered, removed_for_noise
 from tof_gap.seen.missing import missing_effects
+from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.phase_wrap import SINGLE_PIXELS, PhaseWrap
 from tof_sensor.frame import lambert_amplitude
 
@@ -83,6 +84,14 @@ def test_a_foreign_object_that_was_taken_out_is_no_hole_and_its_outline_is_an_ed
 
 def test_single_pixels_lost_at_random_are_dropout() -> None:
     assert names(session(lambda _, rng: rng.random(SHAPE) < 0.05)) == ["dropout"]
+
+
+@pytest.mark.parametrize(("share", "sigma", "by_design"), [(0.03, 5.0, True), (0.03, 1.0, False), (0.1, 5.0, False)])
+def test_a_few_pixels_lost_at_random_in_much_noise_are_a_filter_s_outliers(share: float, sigma: float, *, by_design: bool) -> None:
+    (found,) = missing_effects(session(lambda _, rng: rng.random(SHAPE) < share, sigma=sigma), LIMITS)
+    assert isinstance(found.effect, Dropout)
+    assert found.expected == by_design
+    assert bool(found.by_design) == by_design
 
 
 def test_outliers_at_any_light_are_neither_failed_unwrapping_nor_dropout() -> None:
