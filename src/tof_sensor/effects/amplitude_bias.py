@@ -64,6 +64,21 @@ class AmplitudeBias(CurveEffect):
         """A constant offset."""
         return "range_offset"
 
+    @property
+    def weak_is_nearer(self) -> bool:
+        """Whether weak light is measured nearer than bright light, at 1 m: late charge and slow comparators do the reverse."""
+        if self.knots:
+            return self.values[0] < self.values[-1]
+        log = np.log(WEAK)
+        inverse = self.inverse_m * (1.0 / WEAK - 1.0) if self.form == "inverse" else 0.0
+        direct = self.direct_m * (WEAK - 1.0) if self.form == "direct" else 0.0
+        return bool((self.per_ln_m + self.slope_m) * log + self.per_ln2_m * log**2 + inverse + direct < 0.0)
+
+    @property
+    def remedy(self) -> str:
+        """A calibration; where weak light is measured nearer, first a look at what reflects before the lens."""
+        return f"{WINDOW}; otherwise {self.REMEDY}" if self.weak_is_nearer else self.REMEDY
+
     def observable(self, frame: Frame) -> Float:
         """ln A, A in the camera's unit; NaN without returned light."""
         return np.log(np.where(frame.amplitude > 0, frame.amplitude, np.nan))
@@ -99,6 +114,12 @@ class AmplitudeBias(CurveEffect):
                 yield Form(cls(reference=session.median_amplitude, form=form, ambient=ambient), f"{form}, ambient light {ambient:g}")
 
 
+WEAK = 0.2
+"""Light, over the reference, at which weak light is compared with usual light."""
+WINDOW = (
+    "clean the camera's window and cover glass first: weak surfaces are measured too near, as where the camera's own light is thrown back "
+    "before the lens"
+)
 DARKEST = 100.0
 """Upper bound of A0 / Q: darker pixels return no depth."""
 AMBIENT = 0.3
