@@ -126,7 +126,7 @@ def test_three_quarters_of_all_views_must_show_the_light(unseen: int, *, found: 
 
 
 @pytest.mark.parametrize(("lit", "times"), [(0.0, "1.4"), (0.3, "1.5"), (1.0, None)])
-def test_noise_of_less_light_is_no_foreign_light_but_where_that_is_most_of_it(lit: float, times: str | None) -> None:
+def test_a_law_that_is_larger_as_a_whole_is_no_foreign_light(lit: float, times: str | None) -> None:
     """The whole law twice, as with half of the exposure, beside foreign light of a share of the law at the median amplitude."""
     noise = session(0.0).noise
     assert noise is not None

@@ -175,8 +175,8 @@ def spaced(name: str) -> str:
 
 def expected_words(findings: Iterable[Finding]) -> list[str]:
     """Effects that the camera is known to have or has by design, each with its size."""
-    told = ((f, f" ({f.size or f.note})" if f.size or f.note else "") for f in findings if f.expected)
-    return [f"not in the verdict: {f.name}{size}, as {f.by_design or 'the camera is known for it (--sensor)'}" for f, size in told]
+    sized = ((f, f" ({f.size or f.note})" if f.size or f.note else "") for f in findings if f.expected)
+    return [f"not in the verdict: {f.name}{size}, as {f.by_design or 'the camera is known for it (--sensor)'}" for f, size in sized]
 
 
 def calibration_words(stated: Calibration) -> str:

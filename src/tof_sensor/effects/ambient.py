@@ -47,9 +47,12 @@ DARK = 0.25
 """Share of the bins, the darkest, without which the light must be found again: grazing surfaces and weak light have noise of other causes."""
 CONFIRMED = 0.5
 """Least ratio of the light's variance without these bins to that with them. Sunlight in eleven sessions: 0.7 and more; a long pulse: 0.36."""
-MOST_OF_IT = 0.5
-"""Least share of the noise beyond the law that is foreign light's. A shorter exposure, or a frequency that hardly returns, makes the whole law
-larger, and a fit divides this between light and the camera's own terms: light has 0.39 and 0.48 of it there, sunlight in four sessions 0.57 to 1."""
+GROWS = 0.15
+"""Least exponent with which the ratio of noise to the law grows over the squared range (over the cosine) at the same amplitude, as light off the
+surfaces makes it, or falls with amplitude, as uniform light does. A shorter exposure or a frequency that hardly returns makes the whole law
+larger: exponents of 0.04 and 0.06; sunlight in six sessions: 0.28 to 1.8."""
+FIT_ROUNDS, LEAST_DEVIATION = 20, 0.02
+"""Iterations of reweighted least squares that give least absolute deviations, and the deviation of ln variance below which a bin agrees."""
 WHOLE = 1.0
 """Most of the camera's own noise beyond the law, in variances of the law, where it averages over whole neighbourhoods (`seen.whole_average`): there
 the law leaves 0.6 to 1.1 of the variance of two healthy cameras, and 2.5 times it would explain weak sunlight as well as light does."""
@@ -153,21 +156,23 @@ class Ambient(Effect):
 class _Compared(NamedTuple):
     """Noise beyond the law of `--sensor`, medians over the bins in variances of the law.
 
-    excess: as measured; light: by foreign light; less: by less light of the camera's own, the law times a factor or 1/A; views: share of the views that show at least half of
+    excess: as measured; light: by foreign light; less: by less light of the camera's own, the law times a factor or 1/A; grows: exponent
+    (`GROWS`); views: share of the views that show at least half of
     `LEAST_EXCESS`; terms: (2,) m^2, light off the surfaces and uniform light; known: whether light is needed, and found without the darkest bins.
     """
 
     excess: float
     light: float
     less: float
+    grows: float
     views: float
     terms: Float
     known: bool
 
     @property
     def is_light(self) -> bool:
-        """Whether most of the noise beyond the law is foreign light's."""
-        return self.light >= MOST_OF_IT * self.excess
+        """Whether the law is not only larger as a whole."""
+        return self.grows >= GROWS
 
 
 def _compared(session: Session) -> _Compared | None:
@@ -196,10 +201,23 @@ def _compared(session: Session) -> _Compared | None:
         excess=float(np.median(excess / predicted)),
         light=of_light,
         less=float(np.median(own[:, LESS_LIGHT] @ fitted[LESS_LIGHT] / predicted)),
+        grows=_grows(bins, predicted),
         views=float((of_view > 0.5 * LEAST_EXCESS).sum() / max(len(session.views), len(of_view))),
         terms=fitted[own.shape[1] :],
         known=bool(known),
     )
+
+
+def _grows(bins: NoiseBins, predicted: Float) -> float:
+    """Exponent of noise variance over the law in squared range over the cosine, at one amplitude, or minus that in amplitude if larger."""
+    log = np.log(np.maximum(bins.variance, 1e-14) / predicted)
+    X = np.stack([np.ones_like(log), np.log(bins.amplitude), np.log(bins.surroundings2)], axis=1)
+    c, left = np.zeros(3), log
+    for _ in range(FIT_ROUNDS):
+        w = 1.0 / np.sqrt(np.maximum(np.abs(left), LEAST_DEVIATION))
+        c = np.linalg.lstsq(X * w[:, None], log * w, rcond=None)[0]
+        left = log - X @ c
+    return float(max(c[2], -c[1]))
 
 
 LESS_LIGHT = slice(1, 3)
