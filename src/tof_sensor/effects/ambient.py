@@ -212,10 +212,11 @@ def _grows(bins: NoiseBins, predicted: Float) -> float:
     """Exponent of noise variance over the law in squared range over the cosine, at one amplitude, or minus that in amplitude if larger."""
     log = np.log(np.maximum(bins.variance, 1e-14) / predicted)
     X = np.stack([np.ones_like(log), np.log(bins.amplitude), np.log(bins.surroundings2)], axis=1)
-    c, left = np.zeros(3), log
+    c: Float = np.zeros(3)
+    left: Float = log
     for _ in range(FIT_ROUNDS):
         w = 1.0 / np.sqrt(np.maximum(np.abs(left), LEAST_DEVIATION))
-        c = np.linalg.lstsq(X * w[:, None], log * w, rcond=None)[0]
+        c = np.asarray(np.linalg.lstsq(X * w[:, None], log * w, rcond=None)[0], float)
         left = log - X @ c
     return float(max(c[2], -c[1]))
 
