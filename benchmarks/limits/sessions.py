@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from benchmarks.filtered import FILTERS, through
@@ -13,6 +13,8 @@ from benchmarks.gap_check.cases import Case
 from benchmarks.gap_check.examine import DATA_SHEET
 from benchmarks.gap_check.record import BAGS, record_all
 from benchmarks.surprises import cases as surprises
+from tof_core.calibration import FILE as CALIBRATION_FILE
+from tof_core.calibration import Calibration, load_calibration
 from tof_scene.raycast import Raycaster
 from tof_sensor.model import load_model
 from toftwin.diagnosis import GapPipelineConfig
@@ -48,13 +50,14 @@ PLAN: tuple[tuple[str, str, dict[str, float], str], ...] = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Session:
-    """Views of a recorded session, its scene, the effects that may not be named, and the photon law that a data sheet states, if there is one."""
+    """Views of a recorded session, its scene, the effects that may not be named, and what is stated: photon law of a data sheet, calibration."""
 
     name: str
     views: list[View]
     caster: Raycaster
     left_out: frozenset[str]
     law: PhotonLaw | None = None
+    calibration: Calibration = field(default_factory=Calibration)
 
     @property
     def size(self) -> str:
@@ -93,4 +96,6 @@ def load(folder: Path, name: str, firmware: str = "") -> Session:
         if firmware:
             views = list(through(FILTERS[firmware])(views, caster))
         sheet = case / "scene" / DATA_SHEET
-        return Session(name, views, caster, left_out, load_model(sheet).law if sheet.exists() else None)
+        stated = case / "scene" / CALIBRATION_FILE
+        calibration = load_calibration(stated) if stated.exists() else Calibration()
+        return Session(name, views, caster, left_out, load_model(sheet).law if sheet.exists() else None, calibration)

@@ -57,9 +57,13 @@ class Trials:
 
     def run_default(self) -> None:
         """Diagnose and align with default numbers, and note which of them are read."""
-        self.default["gap"] = self._diagnosed(Reads(GapConfig(), self.reads, self.stage))
+        self.default["gap"] = self._diagnosed(Reads(self._gap(), self.reads, self.stage))
         self.stage[0] = "align"
         self.default["align"] = self._aligned(Reads(AlignConfig(), self.reads, self.stage))
+
+    def _gap(self) -> GapConfig:
+        """Default numbers of a diagnosis, and the calibration that the session states."""
+        return GapConfig(calibration=self.session.calibration)
 
     def is_read(self, of: str, name: str) -> bool:
         """Whether the session depends on a number at all."""
@@ -67,10 +71,9 @@ class Trials:
 
     def run(self, of: str, name: str, value: float) -> dict[str, Any]:
         """The outcome with one number changed."""
-        config = updated(SECTIONS[of](), {name: value})
         if of == "align":
-            return self._aligned(config)
-        return self._diagnosed(config, list(STAGES[: self.reused(of, name)]))
+            return self._aligned(updated(SECTIONS[of](), {name: value}))
+        return self._diagnosed(updated(self._gap(), {name: value}), list(STAGES[: self.reused(of, name)]))
 
     def reused(self, of: str, name: str) -> int:
         """Stages whose results with default numbers can be used again: 0 to 3 of a diagnosis."""

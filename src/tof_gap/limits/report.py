@@ -125,6 +125,12 @@ class UnexplainedLimits:
     uneven_chance: float = param(
         0.025, "probability that chance makes the variation of an effect's size that large", low=1e-6, high=0.5, why="1 in 40"
     )
+    enlarges: float = param(
+        1.0,
+        "squared gap that a cause alone adds, over the gap's, from which two such causes are not believed",
+        low=0.0,
+        why="two causes that cancelled each other before a pane: 2.6 and 8.3; a constant beside a drift, alone of its kind in 120 sessions: 1.7",
+    )
     arms: float = param(22.5, "chi-square (6 degrees of freedom) of the mean arm error", low=0.0, why="chance: 1 session in 1000")
     gross_share: float = param(0.004, "share of gross pixels away from edges", low=0.0, high=1.0, why="tools and cables that the CAD lacks")
     doubt: float = param(

@@ -36,7 +36,9 @@ class TakenOut(NamedTuple):
 
 
 def taken_out(found: Account, config: GapConfig) -> TakenOut | None:
-    """The next cause that is not believed: an unfounded one, else a contradicted, an uneven, an absorbed or an unchosen one; None where all are believed.
+    """The next cause that is not believed; None where all are believed.
+
+    An unfounded one, else a contradicted, an uneven, an absorbed, an unchosen or a cancelling one.
 
     Beside another camera's light, an uneven cause is the smooth part of that light, and no mechanism without a name acts there. Nor does
     one where a cause was only suspected.
@@ -54,7 +56,8 @@ def taken_out(found: Account, config: GapConfig) -> TakenOut | None:
         return TakenOut(HandEye.NAME, contradicted=True)
     if not foreign and (name := absorbed(found, config.noise.foreign_light)) is not None:
         return TakenOut(name, contradicted=name not in suspected)
-    return None if (name := unchosen(found, limit)) is None else TakenOut(name, contradicted=True)
+    name = unchosen(found, limit) or cancelling(found, limit)
+    return None if name is None else TakenOut(name, contradicted=True)
 
 
 def absorbed(found: Account, limits: ForeignLightLimits) -> str | None:
@@ -82,6 +85,17 @@ def unchosen(found: Account, limit: UnexplainedLimits) -> str | None:
     share = {n.name: n.confidence for n in found.solved.named if not n.suspected}
     least = min(share, key=share.__getitem__, default=None)
     return least if least is not None and share[least] < limit.chosen else None
+
+
+def cancelling(found: Account, limit: UnexplainedLimits) -> str | None:
+    """The cause that alone enlarges the gap most, if two causes or more do so by `limit.enlarges`; else None.
+
+    One cause may hide a part of another. Two that are both larger than the gap, and leave little together, are a coincidence: free
+    columns that fit an error without a name.
+    """
+    alone = {c.named.name: c.alone.shrink for c in found.causes if c.alone.shrink is not None and not c.named.suspected}
+    larger = {name: shrink for name, shrink in alone.items() if shrink < -limit.enlarges}
+    return min(larger, key=larger.__getitem__) if len(larger) > 1 else None
 
 
 def contradicted(found: Account, limit: UnexplainedLimits) -> str | None:

@@ -44,7 +44,7 @@ def account(left: np.ndarray, **maps: np.ndarray) -> Any:
     solved = SimpleNamespace(
         evidence=seen, bare=seen, maps=figures.maps, named=named, split=SimpleNamespace(held_out=HELD), arms_sd=arms_sd
     )
-    return SimpleNamespace(solved=solved, figures=figures, findings=(), follows=False, sags=False, astray=False)
+    return SimpleNamespace(solved=solved, figures=figures, findings=(), causes=(), follows=False, sags=False, astray=False)
 
 
 def test_a_map_that_takes_all_of_the_error_leaves_no_share() -> None:
@@ -136,6 +136,26 @@ def test_a_cause_that_few_resampled_sets_of_views_choose_is_taken_out(monkeypatc
     assert taken_out(found, GapConfig()) == TakenOut("lens_scatter", contradicted=True)
     found.solved.named[0].suspected = True
     assert taken_out(found, GapConfig()) is None
+
+
+@pytest.mark.parametrize(
+    ("shrinks", "taken"),
+    [
+        ((-2.6, -8.3), "wiggling"),  # both are larger than the gap, and leave little together
+        ((0.5, -8.3), None),  # one may hide a part of another
+        ((-0.9, -8.3), None),
+        ((None, -8.3), None),  # noise shrinks no bias
+    ],
+)
+def test_two_causes_that_cancel_each_other_are_a_coincidence(
+    monkeypatch: pytest.MonkeyPatch, shrinks: tuple[float | None, float], taken: str | None
+) -> None:
+    found = account(np.zeros(SHAPE), lens_scatter=ramp(0.003, 0), wiggling=ramp(0.003, 1))
+    monkeypatch.setattr(room, "unfounded", lambda *_: None)
+    found.causes = tuple(
+        SimpleNamespace(named=n, alone=SimpleNamespace(shrink=s)) for n, s in zip(found.solved.named, shrinks, strict=True)
+    )
+    assert taken_out(found, GapConfig()) == (None if taken is None else TakenOut(taken, contradicted=True))
 
 
 @pytest.mark.parametrize("test", ["contradicted", "uneven"])
