@@ -42,7 +42,7 @@ def failed_unwrapping(views: Sequence[ViewEvidence], holes: Sequence[Mask], limi
     start = float(np.quantile(np.concatenate([v.frame.radial[h] for v, h in zip(views, holes, strict=True)]), limits.turn_start))
     removed = in_percent(float(gone.mean()))
     note = f"the camera's filter removed {removed} of the pixels, around outliers in weak light; their jump is not seen"
-    size = f"by a step that is not seen, since the camera removes such pixels: {removed} of all"
+    size = f"by a step that is not seen, since the camera removed these pixels: {removed} of all, in holes of 3 x 3 pixels in weak light"
     # An effect outside the vocabulary may make outliers, too.
     return Finding(PhaseWrap(start_m=start, share=share), LOSS_CONFIDENT, note=note, size=size, structure=True)
 
