@@ -13,6 +13,7 @@ import pytest
 from benchmarks.limits import results
 from benchmarks.limits.names import Reads, numbers, value_at
 from benchmarks.limits.trial import Trials, _points
+from tof_core.calibration import Calibration, LensLimits
 from tof_core.errors import RefusedError
 from tof_gap.config import GapConfig
 
@@ -105,9 +106,15 @@ def test_points_are_the_largest_difference_of_figures_that_both_state() -> None:
 
 
 def test_a_trial_replaces_steps_that_the_diagnosis_has(monkeypatch: pytest.MonkeyPatch) -> None:
-    def diagnose(*_: Any, **__: Any) -> None:
+    """The number is changed beside the calibration that the session states."""
+    tried: list[GapConfig] = []
+
+    def diagnose(_views: Any, _caster: Any, config: GapConfig, *_: Any, **__: Any) -> None:
+        tried.append(config)
         raise RefusedError("refused", where="session", todo="")
 
     monkeypatch.setattr("tof_gap.diagnose.diagnose", diagnose)
-    trials = Trials(SimpleNamespace(views=[], caster=None, left_out=frozenset(), law=None))  # type: ignore[arg-type]
+    stated = Calibration(lens=LensLimits(principal_point_px=0.3))
+    trials = Trials(SimpleNamespace(views=[], caster=None, left_out=frozenset(), law=None, calibration=stated))  # type: ignore[arg-type]
     assert trials.run("gap", "noise.burst", 2.0) == {"verdict": ["refused: session: refused"], "figures": []}
+    assert [(config.noise.burst, config.calibration) for config in tried] == [(2.0, stated)]
