@@ -55,6 +55,8 @@ class Kept:
             f"shrink by --sensor: promised {promised}; kept {kept}; "
             f"{g.above_mm(g.before):.2f} mm without the model, {g.above_mm(g.after):.2f} mm with it"
         )
+        grows = g.shrink is not None and g.shrink < 0.0
+        shrink += "; the gap grows by it, as other errors act here: do not simulate this session with it" if grows else ""
         return f"{removed}\n{shrink}" if self.removed else shrink
 
 

@@ -58,6 +58,14 @@ def test_what_the_model_leaves_is_not_kept() -> None:
     assert "promised 97 %, 90 % to 100 %" in found.line()
 
 
+@pytest.mark.parametrize(("left_m", "grows"), [(0.002, False), (-0.007, True)])
+def test_a_model_that_enlarges_the_gap_is_said_not_to_hold(left_m: float, *, grows: bool) -> None:
+    """2 mm of 7 are left, and -7 mm where the camera has -2 and the model takes 5 off."""
+    found = kept(diagnosed(left_m, NOISE_M), model(0.005))
+    assert found is not None
+    assert found.line().endswith("do not simulate this session with it") == grows
+
+
 def test_what_was_removed_is_stated_with_its_size() -> None:
     found = kept(diagnosed(0.0, NOISE_M), model(0.005))
     assert found is not None
