@@ -153,6 +153,20 @@ class Groups:
         return np.asarray(self.sum(values) / self.count)
 
 
+DEVIATION_ROUNDS = 20
+"""Iterations of reweighted least squares that give least absolute deviations."""
+
+
+def least_deviations(columns: Float, target: Float, agrees: float) -> Float:
+    """(k,) coefficients of columns (n, k) with the least absolute deviations from the target (n,); deviations below `agrees` count alike."""
+    out, left = np.zeros(columns.shape[1]), target
+    for _ in range(DEVIATION_ROUNDS):
+        w = 1 / np.sqrt(np.maximum(np.abs(left), agrees))
+        out = np.asarray(np.linalg.lstsq(columns * w[:, None], target * w, rcond=None)[0], float)
+        left = target - columns @ out
+    return out
+
+
 def grouped(*keys: Ints) -> Groups:
     """Group samples by one or more keys (n,), each a non-negative integer per sample.
 

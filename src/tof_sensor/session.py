@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 NO_AMPLITUDE = "no amplitude image (if the recording has one under another name, pass --amplitude-topic)"
 """Why an effect that depends on amplitude cannot be tested."""
+LN_AGREES = 0.02
+"""Deviation of ln variance below which a bin agrees with a fit: 1 % of the noise."""
 WARMING_K = 0.5
 """Least change of temperature that counts, kelvin: the resolution of a usual camera's thermometer."""
 WARMING_S = 60.0
@@ -71,9 +73,9 @@ class Session:
 
     parts: names of the scene's parts, in the scene's order; has_amplitude: whether any view has an amplitude image; modulated: whether
     noise depends on light, as for time-of-flight cameras, and not on range squared, as for stereo cameras; law: the camera's photon law
-    from `--sensor`; noise: temporal noise by amplitude; exposed: whether exposure is automatic, or exposures are merged; noise_of_steps: whether noise grows with
-    the steps of a fixed pattern, over which the camera averages or not; averages: whether the camera averages over neighbours; posed_apart: whether all poses are independent of depth and have a
-    covariance, as poses from a board's corners do.
+    from `--sensor`; noise: temporal noise by amplitude; exposed: whether exposure is automatic, or exposures are merged; noise_of_steps:
+    whether noise grows with the steps of a fixed pattern, over which the camera averages or not; averages: whether the camera averages
+    over neighbours; posed_apart: whether all poses are independent of depth and have a covariance, as poses from a board's corners do.
     """
 
     views: tuple[SessionView, ...]

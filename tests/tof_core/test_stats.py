@@ -18,6 +18,7 @@ from tof_core.stats import (
     grouped,
     hats,
     joined,
+    least_deviations,
     pairs_below,
     robust_std,
     robust_stds,
@@ -187,3 +188,11 @@ def test_values_beside_orthonormal_columns_have_no_part_in_them() -> None:
     basis = np.array([[0.6], [0.8]])
     np.testing.assert_allclose(beside(basis, np.array([1.0, 0.0])), [0.64, -0.48])
     np.testing.assert_allclose(beside(basis, np.eye(2)), [[0.64, -0.48], [-0.48, 0.36]])
+
+
+def test_least_deviations_do_not_follow_outliers() -> None:
+    """A line through 20 points, of which three are off by 10: least squares would have a slope of 0.4 more."""
+    x = np.arange(20.0)
+    y = 2.0 + 3.0 * x
+    y[-3:] += 10.0
+    assert least_deviations(np.column_stack([np.ones(20), x]), y, 0.02) == pytest.approx([2.0, 3.0], abs=0.05)

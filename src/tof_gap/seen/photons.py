@@ -10,11 +10,11 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.optimize import nnls
 
-from tof_core.stats import by_group, hats, robust_std, second_differences, trimmed_std
+from tof_core.stats import by_group, hats, least_deviations, robust_std, second_differences, trimmed_std
 from tof_gap.seen.finding import most
 from tof_gap.seen.residual import single
 from tof_sensor.effects.photon_law import PhotonLaw
-from tof_sensor.session import NoiseBins
+from tof_sensor.session import LN_AGREES, NoiseBins
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,10 +28,6 @@ ROUNDS = 4
 """Fits of the law, each without the outliers of the previous fit."""
 QUIET_ROUNDS = 2
 """Fits of the quiet views' law, each to the views that are quiet by the previous fit."""
-TREND_ROUNDS = 20
-"""Iterations of reweighted least squares that give least absolute deviations."""
-LEAST_DEVIATION = 0.02
-"""Deviation of ln variance below which a bin agrees with the fit: 1 % of the noise."""
 
 
 def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> NoiseBins:
@@ -168,7 +164,7 @@ def view_ratio(b: NoiseBins, fitted: LawFit, views: int, limits: NoiseLimits, *,
     columns = np.column_stack([_over_range(b, limits.burst_knots), _over(np.log(b.amplitude), limits.burst_knots)[:, 1:]])
     if exposed:
         columns = np.column_stack([columns, np.log(_brightest(b))])
-    trend = columns @ _least_deviations(columns, log)
+    trend = columns @ least_deviations(columns, log, LN_AGREES)
     ratio = np.exp(log - trend + np.median(trend))
     return np.array([np.median(ratio[b.view == i]) if (b.view == i).any() else 1.0 for i in range(views)])
 
@@ -195,16 +191,6 @@ def _over(x: Float, knots: int) -> Float:
     return hats(x, np.unique(np.quantile(x, np.linspace(0, 1, knots))))
 
 
-def _least_deviations(columns: Float, target: Float) -> Float:
-    """(k,) coefficients of columns (n, k) with the least absolute deviations from the target (n,)."""
-    out, left = np.zeros(columns.shape[1]), target
-    for _ in range(TREND_ROUNDS):
-        w = 1 / np.sqrt(np.maximum(np.abs(left), LEAST_DEVIATION))
-        out = np.asarray(np.linalg.lstsq(columns * w[:, None], target * w, rcond=None)[0], float)
-        left = target - columns @ out
-    return out
-
-
 def of_one_capture(b: NoiseBins, captures: Float, step_m: float, limits: NoiseLimits) -> NoiseBins:
     """The bins with the variance of one capture also where the captures of a dwell share noise; captures (V,) of each view.
 
@@ -216,7 +202,7 @@ def of_one_capture(b: NoiseBins, captures: Float, step_m: float, limits: NoiseLi
     if np.ptp(n) == 0.0:
         return b
     log = np.log(np.maximum(fit_law(b, step_m, limits).ratio(b), 1e-12))
-    s = float(_least_deviations(np.column_stack([_over_range(b, limits.burst_knots), n]), log)[-1])
+    s = float(least_deviations(np.column_stack([_over_range(b, limits.burst_knots), n]), log, LN_AGREES)[-1])
     return replace(b, variance=b.variance * np.exp(-min(max(s, 0.0), 1.0) * n))
 
 

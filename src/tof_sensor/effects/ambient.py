@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import numpy as np
 
 from tof_core.config import param
-from tof_core.stats import CHI2_MEDIAN
+from tof_core.stats import CHI2_MEDIAN, least_deviations
 from tof_sensor.effect import Detection, Effect, Evidence
 from tof_sensor.frame import with_noise
-from tof_sensor.session import NO_AMPLITUDE
+from tof_sensor.session import LN_AGREES, NO_AMPLITUDE
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Mask
@@ -51,8 +51,8 @@ GROWS = 0.15
 """Least exponent with which the ratio of noise to the law grows over the squared range (over the cosine) at the same amplitude, as light off the
 surfaces makes it, or falls with amplitude, as uniform light does. A shorter exposure or a frequency that hardly returns makes the whole law
 larger: exponents of 0.04 and 0.06; sunlight in six sessions: 0.28 to 1.8."""
-FIT_ROUNDS, LEAST_DEVIATION = 20, 0.02
-"""Iterations of reweighted least squares that give least absolute deviations, and the deviation of ln variance below which a bin agrees."""
+LESS_LIGHT = slice(1, 3)
+"""Of the camera's own terms (`_own_terms`), those of less modulated light."""
 WHOLE = 1.0
 """Most of the camera's own noise beyond the law, in variances of the law, where it averages over whole neighbourhoods (`seen.whole_average`): there
 the law leaves 0.6 to 1.1 of the variance of two healthy cameras, and 2.5 times it would explain weak sunlight as well as light does."""
@@ -157,8 +157,8 @@ class _Compared(NamedTuple):
     """Noise beyond the law of `--sensor`, medians over the bins in variances of the law.
 
     excess: as measured; light: by foreign light; less: by less light of the camera's own, the law times a factor or 1/A; grows: exponent
-    (`GROWS`); views: share of the views that show at least half of
-    `LEAST_EXCESS`; terms: (2,) m^2, light off the surfaces and uniform light; known: whether light is needed, and found without the darkest bins.
+    (`GROWS`); views: share of the views that show at least half of `LEAST_EXCESS`; terms: (2,) m^2, light off the surfaces and uniform
+    light; known: whether light is needed, and found without the darkest bins.
     """
 
     excess: float
@@ -212,17 +212,8 @@ def _grows(bins: NoiseBins, predicted: Float) -> float:
     """Exponent of noise variance over the law in squared range over the cosine, at one amplitude, or minus that in amplitude if larger."""
     log = np.log(np.maximum(bins.variance, 1e-14) / predicted)
     X = np.stack([np.ones_like(log), np.log(bins.amplitude), np.log(bins.surroundings2)], axis=1)
-    c: Float = np.zeros(3)
-    left: Float = log
-    for _ in range(FIT_ROUNDS):
-        w = 1.0 / np.sqrt(np.maximum(np.abs(left), LEAST_DEVIATION))
-        c = np.asarray(np.linalg.lstsq(X * w[:, None], log * w, rcond=None)[0], float)
-        left = log - X @ c
-    return float(max(c[2], -c[1]))
-
-
-LESS_LIGHT = slice(1, 3)
-"""Of the camera's own terms, those of less modulated light."""
+    _, of_amplitude, of_surroundings = least_deviations(X, log, LN_AGREES)
+    return float(max(of_surroundings, -of_amplitude))
 
 
 def _own_terms(law: PhotonLaw, bins: NoiseBins, predicted: Float, *, averages: bool) -> tuple[Float, Float]:
