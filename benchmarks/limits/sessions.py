@@ -13,8 +13,7 @@ from benchmarks.gap_check.cases import Case
 from benchmarks.gap_check.examine import DATA_SHEET
 from benchmarks.gap_check.record import BAGS, record_all
 from benchmarks.surprises import cases as surprises
-from tof_core.calibration import FILE as CALIBRATION_FILE
-from tof_core.calibration import Calibration, load_calibration
+from tof_core.calibration import Calibration, calibration_beside
 from tof_scene.raycast import Raycaster
 from tof_sensor.model import load_model
 from toftwin.diagnosis import GapPipelineConfig
@@ -96,6 +95,5 @@ def load(folder: Path, name: str, firmware: str = "") -> Session:
         if firmware:
             views = list(through(FILTERS[firmware])(views, caster))
         sheet = case / "scene" / DATA_SHEET
-        stated = case / "scene" / CALIBRATION_FILE
-        calibration = load_calibration(stated) if stated.exists() else Calibration()
-        return Session(name, views, caster, left_out, load_model(sheet).law if sheet.exists() else None, calibration)
+        law = load_model(sheet).law if sheet.exists() else None
+        return Session(name, views, caster, left_out, law, calibration_beside(case / "scene"))

@@ -132,3 +132,9 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
 def load_calibration(path: Path) -> Calibration:
     """Read `calibration.yaml`; unknown keys and values out of bounds are refused."""
     return from_mapping(Calibration, load_yaml(path), where=str(path))
+
+
+def calibration_beside(folder: Path) -> Calibration:
+    """The calibration in the folder of a scene; none is stated without the file."""
+    path = folder / FILE
+    return load_calibration(path) if path.exists() else Calibration()

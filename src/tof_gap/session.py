@@ -8,8 +8,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from tof_align.known import known_removed
-from tof_core.calibration import FILE as CALIBRATION_FILE
-from tof_core.calibration import Calibration, load_calibration
+from tof_core.calibration import Calibration, calibration_beside
 from tof_gap.diagnose import diagnose
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.known import KnownBias, scene_note
@@ -56,8 +55,7 @@ def diagnose_session(
     if known is not None and known.names != (PhotonLaw.NAME,):  # the law of the noise has no bias
         progress("removing known effects")
         views = known_removed(views, caster, KnownBias(known), align)
-    beside = caster.scene.folder / CALIBRATION_FILE
-    if config.calibration == Calibration() and beside.exists():
-        config = replace(config, calibration=load_calibration(beside))
+    if config.calibration == Calibration():
+        config = replace(config, calibration=calibration_beside(caster.scene.folder))
     stated = NOTHING_STATED if known is None else known.stated
     return diagnose(views, caster, config, align, left_out, progress, untestable=untestable, stated=stated, given=given)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tof_core.calibration import Calibration, load_calibration
+from tof_core.calibration import FILE, Calibration, LensLimits, calibration_beside, load_calibration, save_calibration
 from tof_core.errors import ConfigError
 
 TEXT = """
@@ -48,6 +48,13 @@ def test_largest_errors_are_in_metres_radians_and_pixels(tmp_path: Path) -> None
 def test_nothing_stated_is_an_exact_calibration() -> None:
     assert not Calibration().hand_eye_sd.any()
     assert not Calibration().lens_sd.any()
+
+
+def test_a_scene_s_folder_states_its_calibration_or_none(tmp_path: Path) -> None:
+    assert calibration_beside(tmp_path) == Calibration()
+    stated = Calibration(lens=LensLimits(principal_point_px=0.3))
+    save_calibration(stated, tmp_path / FILE)
+    assert calibration_beside(tmp_path) == stated
 
 
 def test_an_unknown_key_is_refused(tmp_path: Path) -> None:
