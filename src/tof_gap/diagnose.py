@@ -158,7 +158,8 @@ def untested(found: Account, config: GapConfig, law: PhotonLaw | None) -> dict[s
         HAND_EYE: "motion shifts what poses are known by: record at rest",
     }
     reasons = not_testable(found.solved.bare, config.noise, law) | (beside_motion if found.solved.names(Motion.NAME) else {})
-    return {name: reason for name, reason in reasons.items() if name not in found.names(causes=True)}
+    shown = found.names(causes=True)
+    return {name: reason for name, reason in reasons.items() if name not in shown}
 
 
 def law_beside(found: Account, config: GapConfig) -> PhotonLaw | None:

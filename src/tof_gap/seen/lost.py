@@ -40,8 +40,8 @@ LEAST_COVER = 0.1
 def expected(view: ViewEvidence, limits: MissingLimits) -> Mask:
     """(H, W) pixels that should return light: on the CAD, not at grazing incidence, away from edges and from steps of a fixed pattern.
 
-    Nor beside missing parts and foreign objects, which were taken out: their outlines are edges too. A lamp beside the lens casts a shadow beside an edge: some pixels wide, or many by near surfaces. A filter in the camera mistakes
-    steps of the pattern for edges.
+    Nor beside missing parts and foreign objects, which were taken out: their outlines are edges too. A lamp beside the lens casts a shadow
+    beside an edge: some pixels wide, or many by near surfaces. A filter in the camera mistakes steps of the pattern for edges.
     """
     grazing = view.rendering.incidence > np.radians(limits.lost_grazing_deg)
     edge = view.edge | other_than_cad(view)

@@ -21,8 +21,8 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
     the others' maps. An effect is small if it explains little of what all effects explain, little of what they leave, noise included,
     and, as the third, little of the error that neighbours still share: beside a constant of centimetres, a curve of millimetres may
     still halve the rest. A wrong lens explains little, since the lens within the stated calibration absorbs it; it stays if that lens
-    would otherwise contradict its calibration, as do late stamps if arm errors would otherwise contradict the robot. Motion explains most at edges, where nothing is fitted: it is judged there, once the
-    solution is closed (`conclude`).
+    would otherwise contradict its calibration, as do late stamps if arm errors would otherwise contradict the robot. Motion explains most
+    at edges, where nothing is fitted: it is judged there, once the solution is closed (`conclude`).
     """
     whole, small = current, list[str]()
     while len(names := _names(judge, current)) > judge.config.named_freely:

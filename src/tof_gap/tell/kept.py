@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from tof_sensor.model import SensorModel
     from tof_sensor.origin import Promise
 
+GROWS = "as other errors act here: do not simulate this session with it"
+"""What a gap that grows by a sensor model means."""
+
 
 @dataclass(frozen=True, slots=True)
 class Kept:
@@ -55,8 +58,7 @@ class Kept:
             f"shrink by --sensor: promised {promised}; kept {kept}; "
             f"{g.above_mm(g.before):.2f} mm without the model, {g.above_mm(g.after):.2f} mm with it"
         )
-        grows = g.shrink is not None and g.shrink < 0.0
-        shrink += "; the gap grows by it, as other errors act here: do not simulate this session with it" if grows else ""
+        shrink += f"; the gap grows by it, {GROWS}" if g.shrink is not None and g.shrink < 0.0 else ""
         return f"{removed}\n{shrink}" if self.removed else shrink
 
 

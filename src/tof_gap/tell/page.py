@@ -10,6 +10,7 @@ import numpy as np
 from tof_core.memory import give_back
 from tof_core.page import render_page
 from tof_gap.tell import pictures
+from tof_gap.tell.kept import GROWS
 from tof_gap.tell.plant import course_of
 from tof_gap.tell.where import Bin
 from tof_gap.tell.words import expected_words, interval, percent, sentence, size_in_words, todo, unexplained_words
@@ -55,6 +56,7 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str, 
         meaning={name: effect.MEANING for name, effect in EFFECTS.items()},
         words=[w["sentence"] for w in content["words"]],
         promise=content.get("promise"),
+        grows=GROWS,
         expected=expected_words(d.findings),
         left=unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes)) if d.unexplained.structured else "",
         against=content.get("against"),

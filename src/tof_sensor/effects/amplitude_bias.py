@@ -69,10 +69,8 @@ class AmplitudeBias(CurveEffect):
         """Whether weak light is measured nearer than bright light, at 1 m: late charge and slow comparators do the reverse."""
         if self.knots:
             return self.values[0] < self.values[-1]
-        log = np.log(WEAK)
-        inverse = self.inverse_m * (1.0 / WEAK - 1.0) if self.form == "inverse" else 0.0
-        direct = self.direct_m * (WEAK - 1.0) if self.form == "direct" else 0.0
-        return bool((self.per_ln_m + self.slope_m) * log + self.per_ln2_m * log**2 + inverse + direct < 0.0)
+        weak, usual = np.stack(self._terms(np.log([WEAK, 1.0]), np.ones(2)), axis=1) @ self.coefficients
+        return bool(weak < usual)
 
     @property
     def remedy(self) -> str:
@@ -93,13 +91,16 @@ class AmplitudeBias(CurveEffect):
         light = frame.amplitude * (1 + self.ambient * np.nan_to_num(frame.radial) ** 2)
         log = np.log(np.maximum(light, 1e-12) / self.reference)
         seen = frame.valid & (frame.amplitude > 0)
+        return stack([np.where(seen, term, 0) / frame.length for term in self._terms(log, np.nan_to_num(frame.radial))], frame)
+
+    def _terms(self, log: Float, radial: Float) -> tuple[Float, ...]:
+        """What each of `LINEAR` is multiplied by, at the log of the light over the reference and at ranges in metres, both of one shape."""
         zero = np.zeros_like(log)
         square = zero if self.form == "inverse" else log * log
+        slope = log * radial if self.form == "slope" else zero
         inverse = np.minimum(np.exp(-log), DARKEST) if self.form == "inverse" else zero
-        slope = log * np.nan_to_num(frame.radial) if self.form == "slope" else zero
         direct = np.exp(log) if self.form == "direct" else zero
-        terms = (np.ones_like(log), log, square, slope, inverse, direct)
-        return stack([np.where(seen, term, 0) / frame.length for term in terms], frame)
+        return np.ones_like(log), log, square, slope, inverse, direct
 
     @classmethod
     def lacks(cls, session: Session) -> str:
