@@ -84,8 +84,31 @@ class BoardLimits:
 
 
 @dataclass(frozen=True, slots=True)
+class Modulation:
+    """Modulation frequencies of the camera's light, as its data sheet states them."""
+
+    first_mhz: float = param(
+        0.0,
+        "first modulation frequency; 0: none is stated, or the camera has none",
+        unit="MHz",
+        low=0.0,
+        high=1000.0,
+        why="as the data sheet states",
+    )
+    second_mhz: float = param(
+        0.0, "second one, of a camera that merges several", unit="MHz", low=0.0, high=1000.0, why="as the data sheet states"
+    )
+    third_mhz: float = param(0.0, "third one", unit="MHz", low=0.0, high=1000.0, why="as the data sheet states")
+
+    @property
+    def stated(self) -> tuple[float, ...]:
+        """The stated frequencies, MHz."""
+        return tuple(mhz for mhz in (self.first_mhz, self.second_mhz, self.third_mhz) if mhz > 0.0)
+
+
+@dataclass(frozen=True, slots=True)
 class Calibration:
-    """Largest errors of a calibration, as stated; 0: none is stated.
+    """Largest errors of a calibration, and the modulation of the light, as stated; 0: none is stated.
 
     An error is taken as evenly distributed from 0 to the largest, in any direction: each of n components has the standard
     deviation `largest / sqrt(3 n)`.
@@ -95,6 +118,7 @@ class Calibration:
     lens: LensLimits = section(LensLimits, "lens")
     albedo: AlbedoLimits = section(AlbedoLimits, "albedo")
     board: BoardLimits = section(BoardLimits, "board")
+    modulation: Modulation = section(Modulation, "modulation of the camera's light")
 
     @property
     def hand_eye_most(self) -> tuple[float, float]:

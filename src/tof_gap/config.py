@@ -31,7 +31,7 @@ class GapConfig:
         why="keeps the equations solvable; larger errors are found by the hypothesis hand_eye",
     )
     hand_deg: float = param(0.005, "the same, rotation", unit="deg", low=1e-5, why="the same")
-    calibration: Calibration = section(Calibration, "largest errors of the stated calibration (calibration.yaml beside scene.yaml)")
+    calibration: Calibration = section(Calibration, "what calibration.yaml beside scene.yaml states: largest errors, modulation")
     evidence: EvidenceLimits = section(EvidenceLimits, "which pixels count")
     world: WorldEvidence = section(WorldEvidence, "when the world is not as the CAD has it")
     solve: SolveLimits = section(SolveLimits, "poses and linearisation")
@@ -44,6 +44,11 @@ class GapConfig:
     def hand_sd(self) -> Float:
         """(6,) prior deviations of hand-eye where it is not under test: metres, radians."""
         return np.asarray(np.hypot(np.repeat([self.hand_mm * 1e-3, np.radians(self.hand_deg)], 3), self.calibration.hand_eye_sd))
+
+    @property
+    def stated_mhz(self) -> tuple[float, ...]:
+        """Modulation frequencies that calibration.yaml states; empty where it states none."""
+        return self.calibration.modulation.stated
 
     @property
     def lens_sd(self) -> Float:

@@ -157,7 +157,9 @@ def untested(found: Account, config: GapConfig, law: PhotonLaw | None) -> dict[s
         FlyingPixels.NAME: "motion mixes edges by itself: record at rest",
         HAND_EYE: "motion shifts what poses are known by: record at rest",
     }
-    reasons = not_testable(found.solved.bare, config.noise, law) | (beside_motion if found.solved.names(Motion.NAME) else {})
+    reasons = not_testable(found.solved.bare, config.noise, law, config.stated_mhz) | (
+        beside_motion if found.solved.names(Motion.NAME) else {}
+    )
     shown = found.names(causes=True)
     return {name: reason for name, reason in reasons.items() if name not in shown}
 

@@ -106,7 +106,8 @@ def _further(sides: Sequence[Diagnosis], unit: float, left_out: AbstractSet[str]
     for own, session in zip(units, sides, strict=True):
         caster = session.evidence[0].frame.context.caster
         untested = left_out | session.not_testable.keys()
-        tested = [] if caster is None else candidates(session.evidence, caster.scene, session.config.noise, untested)
+        known = session.config
+        tested = [] if caster is None else candidates(session.evidence, caster.scene, known.noise, untested, stated_mhz=known.stated_mhz)
         for effect in (c.effect for c in tested):
             if effect is not None and not moves_camera(effect.with_coefficients(np.ones(len(effect.coefficients))), session.camera):
                 out.setdefault(effect, Member(effect.NAME, effect, own))

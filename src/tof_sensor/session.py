@@ -75,7 +75,8 @@ class Session:
     noise depends on light, as for time-of-flight cameras, and not on range squared, as for stereo cameras; law: the camera's photon law
     from `--sensor`; noise: temporal noise by amplitude; exposed: whether exposure is automatic, or exposures are merged; noise_of_steps:
     whether noise grows with the steps of a fixed pattern, over which the camera averages or not; averages: whether the camera averages
-    over neighbours; posed_apart: whether all poses are independent of depth and have a covariance, as poses from a board's corners do.
+    over neighbours; posed_apart: whether all poses are independent of depth and have a covariance, as poses from a board's corners do; stated_mhz: modulation frequencies by
+    the camera's data sheet, empty where none is stated.
     """
 
     views: tuple[SessionView, ...]
@@ -88,6 +89,12 @@ class Session:
     noise_of_steps: bool = False
     averages: bool = False
     posed_apart: bool = False
+    stated_mhz: tuple[float, ...] = ()
+
+    def frequencies(self, *usual: float) -> tuple[float, ...]:
+        """Modulation frequencies to try, MHz: the stated ones and, of several, their mean, since the camera merges them; else the usual ones."""
+        stated = self.stated_mhz
+        return (*stated, float(np.mean(stated))) if len(stated) > 1 else stated or usual
 
     @property
     def moving(self) -> bool:
@@ -115,6 +122,11 @@ class Session:
         """Seconds from the first view to the last."""
         times = [v.frame.context.time_s for v in self.views]
         return max(times) - min(times)
+
+    @property
+    def farthest_m(self) -> float:
+        """Range of the farthest drawn pixel, metres."""
+        return max(float(v.frame.radial.ravel()[v.pixels].max(initial=0.0)) for v in self.views)
 
     @property
     def range_span(self) -> float:

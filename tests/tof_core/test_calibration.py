@@ -45,6 +45,12 @@ def test_largest_errors_are_in_metres_radians_and_pixels(tmp_path: Path) -> None
     assert stated.lens_most_px(100.0) == pytest.approx(0.3 + 0.1)
 
 
+def test_a_data_sheet_states_up_to_three_modulation_frequencies(tmp_path: Path) -> None:
+    (tmp_path / FILE).write_text("modulation: {first_mhz: 80.32, second_mhz: 60.24}\n")
+    assert load_calibration(tmp_path / FILE).modulation.stated == (80.32, 60.24)
+    assert Calibration().modulation.stated == ()
+
+
 def test_nothing_stated_is_an_exact_calibration() -> None:
     assert not Calibration().hand_eye_sd.any()
     assert not Calibration().lens_sd.any()

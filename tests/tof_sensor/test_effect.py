@@ -21,6 +21,7 @@ from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.multipath import Multipath
 from tof_sensor.effects.noise import Noise
+from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.effects.quantization import Quantization
 from tof_sensor.effects.range_offset import RangeOffset
@@ -101,6 +102,14 @@ def test_an_effect_is_found_by_standing_in_the_folder(tmp_path: Path) -> None:
             "the noise grows with the square of range and does not depend on amplitude: this is no time-of-flight camera",
         ),
         (RangeOffset, session(modulated=False), None),
+        (PhaseWrap, session(), None),
+        (
+            PhaseWrap,
+            session(stated_mhz=(50.0,)),
+            "the only modulation frequency that is stated repeats after 3.0 m, and the farthest surface lies at 1.5 m",
+        ),
+        (PhaseWrap, session(stated_mhz=(200.0,)), None),
+        (PhaseWrap, session(stated_mhz=(100.0, 80.0)), None),
     ],
 )
 def test_the_reason_why_a_session_cannot_test_an_effect(kind: type[Effect], seen: Session, reason: str | None) -> None:

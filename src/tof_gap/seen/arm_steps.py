@@ -3,21 +3,28 @@
 
 A depth error that no effect of the solution describes is absorbed by the poses as far as it is alike over a view. Its share in a step then
 follows what the view contains. Errors of the arm do not, nor does another camera's light, whose phase is new in every capture. A mount or
-an arm that gives way under the weight of the camera turns it by an amount that follows the attitude of the hand.
+an arm that gives way under the weight of the camera turns it by the torque of gravity.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.special import chdtrc, fdtrc
+from scipy.special import fdtrc
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Float, Ints
     from tof_gap.seen.residual import ViewEvidence
+
+
+class Sag(NamedTuple):
+    """Probability that turns of the camera follow its weight by chance (F test), and the share of their squares that they have by it."""
+
+    chance: float
+    share: float
 
 
 def chance_of_following(steps: Float, of_view: Float, station: Ints) -> float:
@@ -48,20 +55,27 @@ def contents(views: Sequence[ViewEvidence]) -> Float:
     return out
 
 
-def chance_of_sagging(turns: Float, cameras: Float, station: Ints) -> float:
-    """Probability that turns follow the attitude of the hand as closely as they do by chance.
+def sagging(turns: Float, cameras: Float, station: Ints) -> Sag:
+    """How well turns of the camera are those by its weight: turn = lever x down (docs/gap.md), with a `lever` fixed in the camera.
 
-    A mount may give way about one axis or about several: the axis that follows most, and all of them together (Fisher 1925), are two tests.
+    The torque of gravity about the mount is the lever of the camera's centre of mass times its weight; a mount of one stiffness turns by
+    the torque over it. Errors of a healthy arm repeat and change smoothly with its pose, so that they are no white noise, and a law of
+    more coefficients, such as nine, describes them by chance in one session of eighty.
 
     Args:
         turns: (V, 3) turns of arm errors about the camera's axes, over their standard deviations by the robot's prior.
         cameras: (V, 4, 4) T_cell_camera; the cell's z axis is vertical (REP 103).
-        station: (V,) of each view.
+        station: (V,) of each view; the mean of a station is an error of the base, and no evidence.
     """
     down = -cameras[:, 2, :3]
-    of_axes = np.array([chance_of_following(of_axis, down, station) for of_axis in turns.T])
-    together = float(chdtrc(2 * len(of_axes), -2.0 * np.log(np.maximum(of_axes, 1e-300)).sum()))
-    return min(1.0, 2.0 * min(len(of_axes) * float(of_axes.min()), together))
+    law = np.stack([np.cross(axis, down) for axis in np.eye(3)], axis=-1).reshape(-1, 3)
+    bases = np.kron((station[:, None] == np.unique(station)).astype(float), np.eye(3))
+    alone, free_alone = _left(bases, turns.ravel())
+    both, free = _left(np.column_stack([bases, law]), turns.ravel())
+    terms = free_alone - free
+    if terms < 1 or free < 1 or not both > 0.0:
+        return Sag(1.0, 0.0)
+    return Sag(float(fdtrc(terms, free, (alone - both) / terms / (both / free))), 1.0 - both / alone)
 
 
 def over_prior(arms: Float, arms_sd: Float) -> float:

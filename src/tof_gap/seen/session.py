@@ -20,8 +20,17 @@ if TYPE_CHECKING:
     from tof_sensor.effects.photon_law import PhotonLaw
 
 
-def session_of(views: Sequence[ViewEvidence], noise: NoiseLimits, scene: Scene | None = None, law: PhotonLaw | None = None) -> Session:
-    """The properties of the views that effects may use; scene: for names of parts; law: the photon law as `--sensor` states it."""
+def session_of(
+    views: Sequence[ViewEvidence],
+    noise: NoiseLimits,
+    scene: Scene | None = None,
+    law: PhotonLaw | None = None,
+    stated_mhz: tuple[float, ...] = (),
+) -> Session:
+    """The properties of the views that effects may use.
+
+    scene: for names of parts; law: the photon law as `--sensor` states it; stated_mhz: the modulation frequencies that calibration.yaml states.
+    """
     return Session(
         _views(views),
         parts=() if scene is None else tuple(part.name for part in scene.parts),
@@ -30,6 +39,7 @@ def session_of(views: Sequence[ViewEvidence], noise: NoiseLimits, scene: Scene |
         law=law,
         noise_of_steps=any(v.noise_of_steps for v in views),
         averages=any(v.correlation.correlated for v in views),
+        stated_mhz=stated_mhz,
         posed_apart=all(v.view.robot is not None and v.view.robot.cov is not None for v in views),
     )
 

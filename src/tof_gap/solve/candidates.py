@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from tof_gap.seen.detected import judged
@@ -21,20 +22,32 @@ if TYPE_CHECKING:
 
 
 def candidates(
-    views: Sequence[ViewEvidence], scene: Scene, noise: NoiseLimits, left_out: AbstractSet[str] = frozenset(), *, quick: bool = False
+    views: Sequence[ViewEvidence],
+    scene: Scene,
+    noise: NoiseLimits,
+    left_out: AbstractSet[str] = frozenset(),
+    *,
+    quick: bool = False,
+    stated_mhz: tuple[float, ...] = (),
 ) -> list[Candidate]:
     """All hypotheses that this session can test.
 
-    left_out: names of effects that are not considered; quick: only effects whose bias depends on the pixel alone.
+    left_out: names of effects that are not considered; quick: only effects whose bias depends on the pixel alone; stated_mhz: modulation
+    frequencies that calibration.yaml states.
     """
-    session = session_of(views, noise, scene)
+    session = session_of(views, noise, scene, stated_mhz=stated_mhz)
     tested = [kind for kind in PHYSICAL_ORDER if kind.NAME not in left_out and kind.not_testable(session) is None]
     made = [Candidate(kind.NAME, None if kind.IN_CHAIN else form.effect, form.note) for kind in tested for form in kind.hypotheses(session)]
     return [c for c in made if not (quick and c.effect is not None and not c.effect.LOCAL)]
 
 
-def not_testable(views: Sequence[ViewEvidence], noise: NoiseLimits, law: PhotonLaw | None = None) -> dict[str, str]:
-    """Effects that the session cannot test, each with what it lacks; law: the photon law that `--sensor` states."""
-    session = judged(views, noise, law)
+def not_testable(
+    views: Sequence[ViewEvidence], noise: NoiseLimits, law: PhotonLaw | None = None, stated_mhz: tuple[float, ...] = ()
+) -> dict[str, str]:
+    """Effects that the session cannot test, each with what it lacks.
+
+    law: the photon law that `--sensor` states; stated_mhz: the modulation frequencies that calibration.yaml states.
+    """
+    session = replace(judged(views, noise, law), stated_mhz=stated_mhz)
     reasons = {name: EFFECTS[name].not_testable(session) for name in VOCABULARY}
     return {name: reason for name, reason in reasons.items() if reason is not None}

@@ -130,6 +130,7 @@ def _linearised(
 ) -> tuple[Joint, ColumnStore]:
     """A selection among all hypotheses, linearised at one chain, and its columns."""
     store = ColumnStore(evidence, deal(chain.station.tolist(), config.select.folds))
-    design = build(store, candidates(evidence, caster.scene, config.noise, left_out, quick=quick), chain, config.hand_sd, config.lens_sd)
+    tested = candidates(evidence, caster.scene, config.noise, left_out, quick=quick, stated_mhz=config.stated_mhz)
+    design = build(store, tested, chain, config.hand_sd, config.lens_sd)
     asked = frozenset(c.name for c in design.candidates)
     return Joint(chain, evidence, design, select(design, config.select), asked=asked), store

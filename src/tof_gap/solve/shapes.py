@@ -16,7 +16,7 @@ from tof_gap.solve.columns import build
 from tof_gap.solve.judge import Selector
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
     from typing import Any
 
     from tof_align.chain import Chain
@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from tof_sensor.effect import Finer
 
 
+FREQUENCY = "modulation_mhz"
+"""Parameter of a form that a data sheet may state."""
+ROUNDED = 0.02
+"""Relative error of a stated frequency: 60 MHz are stated for 60.24 or 61."""
 FARTHER = 3
 """Times that a search goes on from the end of its width: from a form at 90 MHz to 257 MHz, beyond the 200 MHz of today's fastest cameras."""
 
@@ -40,10 +44,15 @@ def refined(store: ColumnStore, design: Design, selection: Selection, chain: Cha
         others = [c for i, c in enumerate(chosen) if i != place]
         shaped = partial(_best_shape, others=others, store=store, chain=chain, config=config, inflate=selection.chosen.inflate)
         best = candidate.effect
-        for finer in candidate.effect.FINER:
+        for finer in _undecided(candidate.effect.FINER, config.stated_mhz):
             best = _farther(best, finer, shaped)
         out.append(Candidate(best.NAME, best, "refined"))
     return out
+
+
+def _undecided(passes: Sequence[Finer], stated_mhz: tuple[float, ...]) -> list[Finer]:
+    """The passes whose parameter is not known: a frequency that a data sheet states is at most rounded."""
+    return [f for f in passes if not stated_mhz or f.parameter != FREQUENCY or f.width < ROUNDED]
 
 
 def _farther(effect: Any, finer: Finer, shaped: Callable[[Any, Finer], Any]) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_core.memory import give_back
 from tof_gap.seen import detected, missing, noise
-from tof_gap.seen.arm_steps import chance_of_following, chance_of_sagging, contents, over_prior
+from tof_gap.seen.arm_steps import chance_of_following, contents, over_prior, sagging
 from tof_gap.seen.finding import not_expected
 from tof_gap.seen.foreign_lamp import foreign_lamp
 from tof_gap.seen.foreign_light import ALONG, along_the_view, drifts_by_chance, foreign_light
@@ -18,6 +18,7 @@ from tof_gap.seen.lost_by_line import lost_by_lines
 from tof_gap.seen.lost_by_pixel import lost_by_pixels
 from tof_gap.seen.photons import own_law
 from tof_gap.seen.repeated import repeated
+from tof_gap.seen.session import session_of
 from tof_gap.tell.figures import figures
 from tof_gap.tell.outliers import fails_to_merge, removed_outliers
 from tof_gap.tell.own_light import of_own_light
@@ -28,6 +29,7 @@ from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.noise import Noise
+from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.temperature_drift import TemperatureDrift
 from tof_sensor.effects.time_sync import TimeSync
 from tof_sensor.geometry import pose_columns
@@ -42,6 +44,7 @@ if TYPE_CHECKING:
     from tof_gap.limits.foreign import ForeignLightLimits
     from tof_gap.seen.finding import Finding
     from tof_gap.seen.line_noise import LineNoise
+    from tof_gap.seen.residual import ViewEvidence
     from tof_gap.solved import Named, Solved
     from tof_gap.tell.figures import Figures
     from tof_gap.tell.shrink import Shrink
@@ -179,7 +182,12 @@ def _findings(solved: Solved, config: GapConfig, stated: StatedNoise, left_out: 
     """
     left = solved.bare
     gone = missing.missing_effects(
-        left, config.missing, left_out, blurred=solved.names(Motion.NAME), stated=stated, law=lambda: own_law(left, (), config.noise)
+        left,
+        config.missing,
+        left_out | _without_wraps(left, config),
+        blurred=solved.names(Motion.NAME),
+        stated=stated,
+        law=lambda: own_law(left, (), config.noise),
     )
     unmerged = any(map(fails_to_merge, gone))
     # The noise of wrongly merged frequencies grows in weak light, as that of foreign light does.
@@ -203,6 +211,13 @@ def _findings(solved: Solved, config: GapConfig, stated: StatedNoise, left_out: 
     )
     uneven = [replace(f, expected=True) if stated.includes(f.effect) else f for f in uneven]
     return (*(f for f in light if not of_own_light(f, solved)), *uneven, *kept)
+
+
+def _without_wraps(views: Sequence[ViewEvidence], config: GapConfig) -> frozenset[str]:
+    """`phase_wrap` where no phase can wrap at the modulation frequency that calibration.yaml states; else nothing."""
+    stated = config.stated_mhz
+    wraps = not stated or not PhaseWrap.lacks(session_of(views, config.noise, stated_mhz=stated))
+    return frozenset() if wraps else frozenset({PhaseWrap.NAME})
 
 
 def _foreign(solved: Solved, lines: Sequence[LineNoise], config: GapConfig, *, arms_tell: bool) -> Finding | None:
@@ -235,11 +250,11 @@ def _arms_silent(solved: Solved, left_out: AbstractSet[str]) -> bool:
 
 
 def _arm_signs(solved: Solved, limits: ForeignLightLimits) -> tuple[bool, bool]:
-    """Whether arm errors along the optical axis follow distance and amplitude of the views, and turns by arm errors the hand's attitude."""
+    """Whether arm errors along the optical axis follow distance and amplitude of the views, and turns by arm errors the camera's weight."""
     station = solved.chain.station
     of_steps = chance_of_following(steps_along(solved), contents(solved.evidence), station)
-    of_turns = chance_of_sagging((solved.arms / solved.arms_sd)[:, 3:], solved.cameras, station)
-    return of_steps < limits.chance_follows, of_turns < limits.chance_follows
+    sag = sagging((solved.arms / solved.arms_sd)[:, 3:], solved.cameras, station)
+    return of_steps < limits.chance_follows, sag.share > limits.sag_share and sag.chance < limits.chance_follows
 
 
 def steps_along(solved: Solved) -> Float:

@@ -187,9 +187,11 @@ def calibration_words(stated: Calibration) -> str:
         *([f"lens to {lens.principal_point_px:g} px and {lens.focal_pct:g} %"] if stated.lens_sd.any() else []),
         *([f"albedos to {percent(stated.albedo.relative)}"] if stated.albedo.relative else []),
     ]
+    light = f"; modulation {', '.join(f'{mhz:g}' for mhz in stated.modulation.stated)} MHz, as stated" if stated.modulation.stated else ""
     if not parts:
-        return "calibration: none is stated, so hand-eye and lens count as exact (calibration.yaml beside scene.yaml, docs/calibration.md)"
-    return f"calibration, as stated: {', '.join(parts)}"
+        where = "(calibration.yaml beside scene.yaml, docs/calibration.md)"
+        return f"calibration: none is stated, so hand-eye and lens count as exact {where}{light}"
+    return f"calibration, as stated: {', '.join(parts)}{light}"
 
 
 def doubt_words(unexplained: float, doubt: float) -> str:

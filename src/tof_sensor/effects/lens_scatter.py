@@ -109,11 +109,10 @@ class LensScatter(Effect):
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """One form per usual modulation frequency, and two of a pulse's or code's length."""
-        del session
-        for mhz in (15.0, 30.0, 50.0, 65.0, 80.0, 90.0, 100.0, 110.0, 120.0, 150.0, 190.0):
+        """One form per stated modulation frequency; without any, one per usual frequency, and two of a pulse's or code's length."""
+        for mhz in session.frequencies(15.0, 30.0, 50.0, 65.0, 80.0, 90.0, 100.0, 110.0, 120.0, 150.0, 190.0):
             yield Form(cls(modulation_mhz=mhz), f"{mhz:g} MHz")
-        for reach in (0.35, 0.9):
+        for reach in () if session.stated_mhz else (0.35, 0.9):
             yield Form(cls(reach_m=reach), f"pulse or code of {reach:g} m")
 
 

@@ -94,9 +94,10 @@ class Motion(Effect):
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """Usual frequencies, times between taps and orders of the taps."""
-        del session
-        for mhz, tap, opposite in itertools.product((60.0, 80.0, 100.0), (0.005, 0.01, 0.02, 0.035, 0.06), (False, True)):
+        """Stated or usual frequencies, usual times between taps and orders of the taps."""
+        for mhz, tap, opposite in itertools.product(
+            session.frequencies(60.0, 80.0, 100.0), (0.005, 0.01, 0.02, 0.035, 0.06), (False, True)
+        ):
             order = "opposite first" if opposite else "in turn"
             yield Form(cls(modulation_mhz=mhz, tap_s=tap, opposite_first=opposite), f"{mhz:g} MHz, {1e3 * tap:g} ms, {order}")
 

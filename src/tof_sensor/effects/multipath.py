@@ -70,9 +70,8 @@ class Multipath(Effect):
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """Two frequencies, on which the bias hardly depends; and one at which only light of short detours counts, as with a short pulse."""
-        del session
-        for mhz in (30.0, 90.0, SHORT_PULSE_MHZ):
+        """Two frequencies, on which the bias hardly depends, and one at which only light of short detours counts, as with a short pulse; or the stated ones."""
+        for mhz in session.frequencies(30.0, 90.0, SHORT_PULSE_MHZ):
             yield Form(cls(modulation_mhz=mhz), f"{mhz:g} MHz")
 
 

@@ -16,9 +16,13 @@ from tof_sensor.frame import LIGHT_M_PER_S
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Mask
     from tof_sensor.frame import Frame
+    from tof_sensor.session import Session
 
 SINGLE_PIXELS = 0.5
 """Share of the pixels at a range below which wrapped pixels count as single ones, whose unwrapping failed."""
+
+NEAR_TURN = 0.9
+"""Share of the unambiguous range from which noise, and a wrong place of the base, may take a range beyond it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +60,16 @@ class PhaseWrap(Effect):
     def turn_m(self) -> float:
         """Range of one period, metres."""
         return LIGHT_M_PER_S / (2e6 * self.modulation_mhz)
+
+    @classmethod
+    def lacks(cls, session: Session) -> str:
+        """Surfaces near the unambiguous range, where one frequency is stated: there is nothing to merge wrongly, and no phase wraps nearer."""
+        if len(session.stated_mhz) != 1:
+            return ""
+        farthest, turn = session.farthest_m, cls(modulation_mhz=session.stated_mhz[0]).turn_m
+        if farthest > NEAR_TURN * turn:
+            return ""
+        return f"the only modulation frequency that is stated repeats after {turn:.1f} m, and the farthest surface lies at {farthest:.1f} m"
 
     @property
     def makes_outliers(self) -> bool:

@@ -84,7 +84,7 @@ class Specular(Effect):
             for gloss in (0.05, 0.3, 1.5):
                 yield Form(cls(lobe_deg=lobe, gloss=gloss), f"lobe {lobe:g} deg, gloss {gloss:g}")
         for part, name in session.parts_seen():
-            for mhz in (50.0, 100.0, 190.0):
+            for mhz in session.frequencies(50.0, 100.0, 190.0):
                 yield Form(cls(part=part, modulation_mhz=mhz), f"{name} is lacquered, {mhz:g} MHz")
 
 

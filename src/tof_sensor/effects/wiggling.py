@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -101,13 +102,26 @@ class Wiggling(CurveEffect):
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """Periods that can be distinguished over the session's span of range, in steps of a quarter period over it."""
+        """Periods that can be distinguished over the session's span of range, in steps of a quarter period over it; or those of stated frequencies."""
+        if session.stated_mhz:
+            yield from cls._of_frequencies(session)
+            return
         for period in periods(session.range_span):
             yield Form(cls(modulation_mhz=LIGHT_M_PER_S / (8e6 * period)), f"period {period * 1e3:.0f} mm")
+
+    @classmethod
+    def _of_frequencies(cls, session: Session) -> Iterator[Form]:
+        """The harmonics that three and four taps alias, of each stated frequency, where the session sees a whole period."""
+        for mhz, harmonic in itertools.product(session.stated_mhz, ALIASED):
+            wave = cls(modulation_mhz=mhz, harmonic=harmonic)
+            if SHORTEST_M < wave.period_m < max(session.range_span, LONGEST_M):
+                yield Form(wave, f"{mhz:g} MHz, harmonic {harmonic}")
 
 
 LEAST_SPAN_M = 0.08
 """Least span of range in metres: a quarter of the shortest usual period (c0 / 8f at 120 MHz)."""
+ALIASED = (4, 8, 3, 6)
+"""Periods in one turn of the phase: harmonics next to a multiple of four are aliased by four taps, those next to a multiple of three by three."""
 SHORTEST_M, LONGEST_M, MOST_PERIODS = 0.06, 1.0, 40
 """Shortest and longest period that are tried, in metres (c0 / 8f at 620 MHz, above any camera's, and at 37 MHz), and most periods tried.
 

@@ -4,14 +4,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_core.se3 import exp
-from tof_gap.seen.arm_steps import chance_of_following, chance_of_sagging, contents, means, over_prior
+from tof_gap.seen.arm_steps import chance_of_following, contents, means, over_prior, sagging
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
 
 ONE_STATION = np.zeros(VIEWS, np.int64)
 SEEN = views(np.random.default_rng(1))
@@ -56,30 +59,41 @@ def test_the_mean_of_a_map_is_that_of_the_smooth_pixels() -> None:
     assert means(SEEN, maps)[:, 0] == pytest.approx(0.001 * np.arange(VIEWS))
 
 
-def test_a_camera_that_its_weight_turns_follows_the_attitude_of_the_hand() -> None:
-    """The hand turns about its horizontal axis; the camera nods by what its weight does across the mount."""
-    rng, nod = np.random.default_rng(6), np.linspace(-0.8, 0.8, VIEWS)
-    cameras = np.stack([exp([0.0, 0.0, 1.0, angle, 0.0, 0.0]) for angle in nod])
+def nodding(angles: Float) -> Float:
+    """(V, 4, 4) cameras of a hand that turns about its horizontal axis."""
+    return np.stack([exp([0.0, 0.0, 1.0, angle, 0.0, 0.0]) for angle in angles])
+
+
+def test_a_camera_that_its_weight_turns_follows_lever_times_down() -> None:
+    """The hand nods; the centre of mass lies before the mount, along the optical axis, so that the camera turns about its x axis."""
+    rng, cameras = np.random.default_rng(6), nodding(np.linspace(-0.8, 0.8, VIEWS))
     turns = rng.normal(0, 0.1, (VIEWS, 3))
-    assert chance_of_sagging(turns, cameras, ONE_STATION) > 0.01
-    turns[:, 0] += np.sin(nod)
-    assert chance_of_sagging(turns, cameras, ONE_STATION) < 1e-5
+    healthy = sagging(turns, cameras, ONE_STATION)
+    assert healthy.chance > 0.01
+    assert healthy.share < 0.4
+    down = -cameras[:, 2, :3]
+    turns += np.cross([0.0, 0.5, 1.0], down)
+    found = sagging(turns, cameras, ONE_STATION)
+    assert found.chance < 1e-5
+    assert found.share > 0.8
     upright = np.tile(np.eye(4), (VIEWS, 1, 1))
-    assert chance_of_sagging(turns, upright, ONE_STATION) == 1.0, "one attitude shows nothing"
+    assert sagging(turns, upright, ONE_STATION).chance == 1.0, "one attitude shows nothing"
 
 
-def test_a_mount_that_gives_way_about_two_axes_is_known_by_both() -> None:
-    """Turns of 0.9 of the arm's standard deviation about each of two axes: one alone may be chance in one of a hundred sessions."""
-    rng = np.random.default_rng(11)
-    nod, roll = rng.uniform(-0.6, 0.6, (2, VIEWS))
-    cameras = np.tile(np.eye(4), (VIEWS, 1, 1))
-    cameras[:, :3, :3] = Rotation.from_euler("zxy", np.column_stack([roll, nod, np.zeros(VIEWS)])).as_matrix()
-    one = rng.standard_normal((VIEWS, 3)) * 0.3
-    one[:, 0] += 1.2 * np.sin(nod)
-    both = one.copy()
-    both[:, 1] += 1.2 * np.sin(nod)
-    alone, together = (chance_of_sagging(turns, cameras, ONE_STATION) for turns in (one, both))
-    assert together < 0.1 * alone
+def test_turns_that_no_weight_makes_are_no_sag() -> None:
+    """Turns from side to side that follow the nod: a lever that made them would roll the camera more."""
+    cameras = nodding(np.linspace(-0.8, 0.8, VIEWS))
+    turns = np.random.default_rng(6).normal(0, 0.1, (VIEWS, 3))
+    turns[:, 1] += np.sin(np.linspace(-0.8, 0.8, VIEWS))
+    assert sagging(turns, cameras, ONE_STATION).share < 0.1
+
+
+def test_the_error_of_a_station_s_base_is_no_sag() -> None:
+    station = np.arange(VIEWS) // (VIEWS // 2)
+    cameras = nodding(np.where(station == 0, -0.5, 0.5))
+    turns = np.random.default_rng(6).normal(0, 0.1, (VIEWS, 3))
+    turns[station == 1, 0] += 2.0
+    assert sagging(turns, cameras, station).share < 0.1
 
 
 def test_arm_errors_exceed_the_prior_if_positions_and_turns_do() -> None:

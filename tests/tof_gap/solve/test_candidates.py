@@ -14,6 +14,7 @@ from tof_gap.limits.seen import NoiseLimits
 from tof_gap.solve.candidate import Candidate
 from tof_gap.solve.candidates import candidates
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
+from tof_sensor.effects.lens_scatter import LensScatter
 from tof_sensor.effects.specular import Specular
 from tof_sensor.effects.subsurface import Subsurface
 from tof_sensor.effects.wiggling import Wiggling, periods
@@ -40,6 +41,16 @@ def test_every_candidate_of_a_session_can_be_saved(tmp_path: Path) -> None:
     assert {"wiggling", "lens_scatter", "specular", "cad_deviation", "subsurface"} <= {e.NAME for e in effects}
     save_model(SensorModel(tuple(effects)), tmp_path / "sensor.yaml")
     assert len(load_model(tmp_path / "sensor.yaml").effects) == len(effects)
+
+
+def test_stated_frequencies_replace_the_usual_ones() -> None:
+    made = candidates(views(np.random.default_rng(0)), scene(wall=wall()), NoiseLimits(), stated_mhz=(80.0, 60.0))
+    tried = {name: {c.effect.modulation_mhz for c in made if c.name == name} for name in ("lens_scatter", "multipath", "wiggling")}  # type: ignore[union-attr]
+    # Two frequencies are merged: stray light acts on range as at one of them, or between both.
+    assert tried == {"lens_scatter": {80.0, 60.0, 70.0}, "multipath": {80.0, 60.0, 70.0}, "wiggling": {80.0, 60.0}}
+    assert not any(c.effect.reach_m for c in made if isinstance(c.effect, LensScatter))
+    waves = {c.effect.period_m for c in made if isinstance(c.effect, Wiggling)}
+    assert {round(x, 3) for x in waves} == {0.234, 0.312, 0.416, 0.468, 0.625, 0.833}
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import pytest
 
 from tests.tof_gap.quiet_views import VIEWS, chain, views
 from tof_align.folds import deal
+from tof_core.calibration import Calibration, Modulation
 from tof_gap.config import GapConfig
 from tof_gap.solve import shapes
 from tof_gap.solve.candidate import Candidate
@@ -22,14 +23,16 @@ from tof_sensor.effects.wiggling import Wiggling
 TRUE_MHZ = 66.0
 
 
-def finer(*candidates: Candidate, across_m: float = 0.0, suspected: tuple[int, ...] = ()) -> list[Candidate]:
+def finer(
+    *candidates: Candidate, across_m: float = 0.0, suspected: tuple[int, ...] = (), config: GapConfig | None = None
+) -> list[Candidate]:
     """The refined forms of chosen candidates, in a session with a wiggle of `TRUE_MHZ` whose phase runs ahead over the columns."""
     true = Wiggling(modulation_mhz=TRUE_MHZ, sine_m=0.006, cosine_m=0.003, across_m=across_m)
     extra = np.stack([true.bias(v.frame) * v.frame.length for v in views(np.random.default_rng(1))])
     seen = views(np.random.default_rng(1), extra)
     store = ColumnStore(seen, deal([0] * VIEWS, 6))
     selection = SimpleNamespace(chosen=SimpleNamespace(members=tuple(range(len(candidates))), inflate=1.0), suspected=suspected)
-    return refined(store, cast("Any", SimpleNamespace(candidates=candidates)), cast("Any", selection), chain(), GapConfig())
+    return refined(store, cast("Any", SimpleNamespace(candidates=candidates)), cast("Any", selection), chain(), config or GapConfig())
 
 
 @pytest.mark.parametrize("start_mhz", [60.0, 72.0, 46.0])  # the last one is two widths of the first pass away
@@ -37,6 +40,13 @@ def test_a_frequency_between_candidates_is_found(start_mhz: float) -> None:
     (found,) = finer(Candidate("wiggling", Wiggling(modulation_mhz=start_mhz)), Candidate("range_offset", RangeOffset()))
     assert (found.name, found.note) == ("wiggling", "refined")
     assert cast("Wiggling", found.effect).modulation_mhz == pytest.approx(TRUE_MHZ, rel=0.02)
+
+
+def test_a_stated_frequency_is_searched_within_its_rounding_only() -> None:
+    stated = GapConfig(calibration=Calibration(modulation=Modulation(first_mhz=60.0)))
+    (found,) = finer(Candidate("wiggling", Wiggling(modulation_mhz=60.0)), config=stated)
+    # The passes of 1.2 % to either side go on three times; those of 20 and 5 % would reach the 66 MHz of the wave.
+    assert 60.0 < cast("Wiggling", found.effect).modulation_mhz < 60.0 * 1.012**8
 
 
 @pytest.mark.parametrize("across_m", [-0.04, 0.04])

@@ -186,6 +186,7 @@ def findings_of(*, motion: bool = False, follows: bool = False, left_out: frozen
         missing=MissingLimits(),
         report=ReportLimits(),
         select=SelectLimits(),
+        stated_mhz=(),
     )
     return _findings(solved, config, NOTHING_STATED, left_out, follows=follows)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tof_core.calibration import AlbedoLimits, Calibration, HandEyeLimits, LensLimits
+from tof_core.calibration import AlbedoLimits, Calibration, HandEyeLimits, LensLimits, Modulation
 from tof_gap.seen.finding import Finding
 from tof_gap.tell.unexplained import Unexplained
 from tof_gap.tell.words import (
@@ -235,6 +235,13 @@ def test_a_stated_calibration_is_said_and_its_absence_too() -> None:
     )
     assert calibration_words(Calibration(lens=LensLimits(focal_pct=0.1))) == "calibration, as stated: lens to 0 px and 0.1 %"
     assert calibration_words(Calibration()).startswith("calibration: none is stated, so hand-eye and lens count as exact")
+    light = Modulation(80.32, 60.24)
+    assert calibration_words(Calibration(lens=LensLimits(focal_pct=0.1), modulation=light)).endswith(
+        "lens to 0 px and 0.1 %; modulation 80.32, 60.24 MHz, as stated"
+    )
+    only = calibration_words(Calibration(modulation=light))
+    assert only.startswith("calibration: none is stated")
+    assert only.endswith("modulation 80.32, 60.24 MHz, as stated")
 
 
 def test_a_doubt_says_how_much_is_unexplained_and_how_much_may_be() -> None:
