@@ -43,7 +43,7 @@ def evidence() -> tuple[ViewEvidence, ...]:
 @pytest.fixture(autouse=True)
 def tried(monkeypatch: pytest.MonkeyPatch) -> None:
     """The forms that a session asks to try."""
-    left: Any = lambda _views, _scene, _noise, left_out: [Candidate(e.NAME, e) for e in TRIED if e.NAME not in left_out]  # noqa: E731
+    left: Any = lambda _views, _scene, _noise, left_out, **_: [Candidate(e.NAME, e) for e in TRIED if e.NAME not in left_out]  # noqa: E731
     monkeypatch.setattr("tof_gap.second.candidates", left)
 
 

@@ -20,6 +20,7 @@ from tof_gap.tell.block_means import block_means, unbiased2
 from tof_gap.tell.figures import away_from_edges
 from tof_gap.tell.line_means import line_sizes_m
 from tof_gap.tell.where import by_quantity
+from tof_sensor.effect import Evidence
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.motion import Motion
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Mask
     from tof_gap.limits.missing import MissingLimits
     from tof_gap.limits.report import ReportLimits, UnexplainedLimits
+    from tof_gap.seen.finding import Finding
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.tell.account import Account
     from tof_gap.tell.block_means import BlockMeans
@@ -81,7 +83,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     - Pixels away from edges have gross errors, at the final poses and where the solution was linearised, and `phase_wrap` is not named.
     - Pixels are lost, and neither `dropout` nor a noise is named.
     - Only a free function of an observable describes the error, or small effects explain much only together.
-    - The joint fit leaves a share of the chi-square that it was to explain.
+    - The joint fit leaves a share of the chi-square that it was to explain, and no noise is named: a larger noise is known less well.
     - Arm errors are alike in every view, or lie along the optical axis and exceed the robot's prior, or follow the views there.
     - Turns by arm errors follow the hand's attitude, or arm errors exceed the robot's prior in positions and in turns.
     - An effect that explained some of the gap was taken out as `contradicted`, and more than errors of a healthy camera and of maps is left.
@@ -116,7 +118,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
         or gross > limit.gross_share
         or (bool(contradicted) and size > limit.contradicted_mm and beyond_maps)
         or bool(depends_on or (a_gap and solved.small_together) or gone.any())
-        or (a_gap and misfit(residual, left, noise2, limits.shrink.noise_known) > limit.misfit)
+        or (a_gap and not noisy(found.findings) and misfit(residual, left, noise2, limits.shrink.noise_known) > limit.misfit)
     )
     del residual, noise2  # Images of all views are most of a session's memory.
     if not structured:
@@ -130,6 +132,11 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
         gross=gross if gross > limit.gross_share else 0.0,
         resembles=tuple(contradicted),
     )
+
+
+def noisy(findings: Sequence[Finding]) -> bool:
+    """Whether a noise is named."""
+    return any(f.effect.EVIDENCE is Evidence.NOISE and not f.expected for f in findings)
 
 
 def _gross(found: Account, missing: MissingLimits) -> float:

@@ -25,7 +25,9 @@ from tof_gap.tell.shrink import Errors, Shrink
 from tof_gap.tell.unexplained import Unexplained, gross_share, look, misfit
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.multipath import Multipath
+from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
+from tof_sensor.effects.range_offset import RangeOffset
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -324,6 +326,15 @@ def test_misfit_is_the_share_of_the_chi_square_above_the_floor() -> None:
     assert misfit([np.sqrt(5) * e for e in ones], [np.sqrt(2) * e for e in ones], floor2, 0.03) == pytest.approx(0.25)
     assert misfit([np.sqrt(5) * e for e in ones], [np.sqrt(1.02) * e for e in ones], floor2, 0.03) == 0.0
     assert misfit(ones, [2.0 * e for e in ones], floor2, 0.03) == 1.0, "more than there was is all of it"
+
+
+def test_pixels_noisier_than_the_floor_are_unexplained_unless_a_noise_is_named() -> None:
+    rng = np.random.default_rng(8)
+    errors = [1.3 * NOISE_M * rng.standard_normal(SHAPE) for _ in range(VIEWS)]
+    assert look(account(session(), errors, 4.0), parts(8), ReportLimits(), MissingLimits()).structured
+    for named, structured in ((Noise(extra_m=0.001), False), (RangeOffset(0.001), True)):
+        found = account(session(), errors, 4.0, findings=(Finding(named, 1.0),))
+        assert look(found, parts(8), ReportLimits(), MissingLimits()).structured == structured
 
 
 def test_what_is_left_at_edges_makes_nothing_unknown() -> None:
