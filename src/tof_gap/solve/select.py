@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_gap.solve.between import shown, with_suspect
+from tof_gap.solve.candidate import HAND_EYE
 from tof_gap.solve.judge import Hypothesis, Selector
 from tof_gap.solve.small import without_small
 from tof_gap.solve.ties import stand_ins
@@ -17,7 +18,7 @@ from tof_sensor.curve import CurveEffect
 from tof_sensor.effects.intrinsics import Intrinsics
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from tof_align.columns import ColumnFit
     from tof_core.arrays import Float
@@ -55,7 +56,7 @@ def select(design: Design, config: SelectLimits, begun: Sequence[int] = ()) -> S
     ends = [_plain(judge, full) for full in grown]
     place = min(range(len(ends)), key=lambda i: judge.score(ends[i].members, ends[0].inflate).score)
     current, small = without_small(judge, ends[place])
-    current, suspected = with_suspect(judge, with_lens(judge, _prune(judge, current)))
+    current, suspected = with_suspect(judge, with_lens(judge, _prune(judge, with_mount(judge, _prune(judge, current)))))
     fullest = () if small or set(grown[place].members) <= set(current.members) else tuple(grown[place].members)
     return replace(_described(judge, current, small), suspected=suspected, fullest=fullest)
 
@@ -82,10 +83,11 @@ def narrowed(design: Design, config: SelectLimits, selection: Selection, members
     )
 
 
-def _best_addition(judge: Selector, current: Hypothesis) -> Hypothesis | None:
+def _best_addition(judge: Selector, current: Hypothesis, tried: Iterable[int] | None = None) -> Hypothesis | None:
+    """The hypothesis with the best one of the candidates `tried` (all by default) that wins what it must; None where none does."""
     best: Hypothesis | None = None
     added = judge.beside(current.members, len(current.members), current.inflate)
-    for i in range(len(judge.design.candidates)):
+    for i in range(len(judge.design.candidates)) if tried is None else tried:
         if judge.repeats(i, current.members):
             continue
         trial = added(i)
@@ -134,6 +136,16 @@ def _curved(judge: Selector, current: Hypothesis) -> Hypothesis:
         if won > judge.config.unknown and won > judge.config.unknown_share * worth(judge, current)[0][place]:
             current = rescored(judge, trial.members)
     return current
+
+
+def with_mount(judge: Selector, current: Hypothesis) -> Hypothesis:
+    """The hypothesis with hand-eye, where held-out views gain by it what they must.
+
+    Hand-eye explains errors of the arm, and wins less chi-square than a weak effect of many pixels: the search may have ended before it.
+    """
+    candidates = judge.design.candidates
+    mounts = [i for i, c in enumerate(candidates) if c.name == HAND_EYE]
+    return _best_addition(judge, current, mounts) or current
 
 
 def with_lens(judge: Selector, current: Hypothesis) -> Hypothesis:

@@ -12,7 +12,19 @@ from tests.tof_gap.scored import Judge, effect, hypothesis, named
 from tof_gap.limits.solve import SelectLimits
 from tof_gap.solve import select as room
 from tof_gap.solve.judge import Hypothesis
-from tof_gap.solve.select import _best_addition, _curved, _exchange, _grown, _lacking, _plain, _prune, _rough, with_lens, won_steadily
+from tof_gap.solve.select import (
+    _best_addition,
+    _curved,
+    _exchange,
+    _grown,
+    _lacking,
+    _plain,
+    _prune,
+    _rough,
+    with_lens,
+    with_mount,
+    won_steadily,
+)
 from tof_gap.solve.worth import rescored, visible_m, worth
 from tof_sensor.curve import Knots
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
@@ -63,6 +75,18 @@ def test_hand_eye_needs_less() -> None:
     scores = {"a": 985.0}
     assert named(Judge(scores, hand="a"), _best_addition(Judge(scores, hand="a"), hypothesis(Judge(scores, hand="a"), ""))) == "a"  # type: ignore[arg-type]
     assert _best_addition(Judge(scores), hypothesis(Judge(scores), "")) is None  # type: ignore[arg-type]
+
+
+def test_hand_eye_is_looked_for_again_when_the_search_has_ended() -> None:
+    """It wins 20 beside `a`; six effects of more pixels may have been added before it, and dropped again."""
+    scores = {"a": 500.0, "h": 900.0, "ah": 480.0}
+    judge: Any = Judge(scores, ["multipath", "hand_eye"], hand="h")
+    assert named(judge, with_mount(judge, hypothesis(judge, "a"))) == "ah"
+    assert named(judge, with_mount(judge, hypothesis(judge, "ah"))) == "ah"
+    little: Any = Judge(scores | {"ah": 490.0}, ["multipath", "hand_eye"], hand="h")
+    assert named(little, with_mount(little, hypothesis(little, "a"))) == "a"
+    other: Any = Judge(scores, ["multipath", "wiggling"])
+    assert named(other, with_mount(other, hypothesis(other, "a"))) == "a", "other effects have had their turn"
 
 
 @pytest.mark.parametrize(
