@@ -166,7 +166,7 @@ def without_depth(d: Diagnosis) -> float:
 
 def _pose(d: Diagnosis) -> dict[str, Any]:
     chain, (arm_mm, arm_deg) = d.chain, arm_errors(d)
-    X = se3.log(d.hand_eye) if any(c.named.name == "hand_eye" for c in d.causes) else np.zeros(6)
+    X = se3.log(d.hand_eye)
     return {
         "stations": [
             {"station": int(s), "B_xyz_m": chain.B[i][:3, 3].tolist(), "B_rotvec_deg": np.degrees(se3.so3_log(chain.B[i][:3, :3])).tolist()}

@@ -6,12 +6,16 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from tof_core.errors import ToftwinError
+from tof_core.se3 import log
 from tof_core.shares import in_percent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
+    from tof_core.arrays import Float
     from tof_core.calibration import Calibration
     from tof_gap.seen.finding import Finding
     from tof_gap.tell.unexplained import Unexplained
@@ -149,10 +153,10 @@ def _clues(unexplained: Mapping[str, Any]) -> str:
             f"{in_percent(gross, 1)} of the pixels away from edges are off by centimetres: that is no bias, but another surface, a mirror or a wrapped phase."
         )
     if like:
-        was, it = ("was", "it") if len(like) == 1 else ("were", "they")
+        was, it, changes, this = ("was", "it", "it changes", "this one") if len(like) == 1 else ("were", "they", "they change", "these")
         found.append(
-            f"{listed([spaced(n) for n in like]).capitalize()} {was} fitted and rejected: simulated, {it} would leave most of the error on the pixels "
-            "that it changes, so another cause acts on these."
+            f"{listed([spaced(n) for n in like]).capitalize()} {was} fitted and rejected: simulated, {it} would leave much of the error on the pixels "
+            f"that {changes}, or {it} would need another size in each view. Another cause acts there, or {this} in a form that no formula here describes."
         )
     return "".join(f" {sentence}" for sentence in found)
 
@@ -192,6 +196,13 @@ def calibration_words(stated: Calibration) -> str:
         where = "(calibration.yaml beside scene.yaml, docs/calibration.md)"
         return f"calibration: none is stated, so hand-eye and lens count as exact {where}{light}"
     return f"calibration, as stated: {', '.join(parts)}{light}"
+
+
+def hand_eye_words(hand_eye: Float) -> str:
+    """How far hand-eye of the solution, (4, 4), is from the stated one."""
+    off = log(hand_eye)
+    size_mm, angle_deg = 1e3 * float(np.linalg.norm(off[:3])), float(np.degrees(np.linalg.norm(off[3:])))
+    return f"hand-eye as estimated with the poses: {size_mm:.1f} mm and {angle_deg:.2f} degrees from the stated one"
 
 
 def doubt_words(unexplained: float, doubt: float) -> str:

@@ -189,6 +189,7 @@ def summary(d: Diagnosis) -> str:
         calibration_words,
         doubt_words,
         expected_words,
+        hand_eye_words,
         interval,
         percent,
         spaced,
@@ -225,7 +226,7 @@ def summary(d: Diagnosis) -> str:
         lines.append(
             f"errors of the arm from view to view: {seen} RMS over all axes ({expected} by align.priors.arm_mm and arm_deg, which --set changes to those of your arm)"
         )
-        lines.append(calibration_words(d.config.calibration))
+        lines += [calibration_words(d.config.calibration), hand_eye_words(d.hand_eye)]
     if d.unexplained.structured:
         left = unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes))
         suspects = [spaced(c.named.name) for c in d.causes if d.suspected(c)]

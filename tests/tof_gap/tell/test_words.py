@@ -5,15 +5,18 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tof_core.calibration import AlbedoLimits, Calibration, HandEyeLimits, LensLimits, Modulation
+from tof_core.se3 import exp
 from tof_gap.seen.finding import Finding
 from tof_gap.tell.unexplained import Unexplained
 from tof_gap.tell.words import (
     calibration_words,
     doubt_words,
     expected_words,
+    hand_eye_words,
     interval,
     sentence,
     size_in_words,
@@ -197,7 +200,10 @@ def test_pixels_that_no_bias_explains_are_stated_by_their_share() -> None:
 
 
 def test_an_effect_that_is_contradicted_is_stated_with_what_contradicts_it() -> None:
-    like = "Lens scatter was fitted and rejected: simulated, it would leave most of the error on the pixels that it changes, so another cause acts on these."
+    like = (
+        "Lens scatter was fitted and rejected: simulated, it would leave much of the error on the pixels that it changes, or it would need "
+        "another size in each view. Another cause acts there, or this one in a form that no formula here describes."
+    )
     assert unexplained_words(Unexplained(0.324, structured=True, depends_on=(), where=(), resembles=("lens_scatter",))).endswith(f" {like}")
     left = {"depends_on": [], "where": ["door"], "resembles": ["lens_scatter"]}
     report = {"verdict": ["unknown"], "causes": [], "gap": {"shrink": None}, "unexplained": left}
@@ -242,6 +248,11 @@ def test_a_stated_calibration_is_said_and_its_absence_too() -> None:
     only = calibration_words(Calibration(modulation=light))
     assert only.startswith("calibration: none is stated")
     assert only.endswith("modulation 80.32, 60.24 MHz, as stated")
+
+
+def test_hand_eye_of_the_solution_is_stated_by_length_and_angle() -> None:
+    off = exp([0.003, 0.0, 0.004, 0.0, np.radians(0.2), 0.0])
+    assert hand_eye_words(off) == "hand-eye as estimated with the poses: 5.0 mm and 0.20 degrees from the stated one"
 
 
 def test_a_doubt_says_how_much_is_unexplained_and_how_much_may_be() -> None:
