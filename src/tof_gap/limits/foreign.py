@@ -65,12 +65,11 @@ class ForeignLightLimits:
         high=1.0,
         why="an arm's errors do so in one session of ten thousand; a hazy lens without a name did at 9e-6",
     )
-    sag_share: float = param(
-        0.4,
-        "share of the squared turns by arm errors that the camera's weight makes, from which its mount gives way",
+    sag: float = param(
+        0.5,
+        "RMS of the turns by the camera's weight, over the arm's prior per axis, from which its mount gives way",
         low=0.0,
-        high=1.0,
-        why="healthy arms err smoothly with their pose: 0.36 in 99 of 100 of 680 drawn ones; a sag as large as their errors has 0.5",
+        why="healthy arms err smoothly with their pose: 0.38 at most in 720 drawn ones; a sag of 0.1 degrees is found in nine of ten",
     )
     field_chi2: float = param(100.0, "chi-square that the field of a view explains", low=0.0, why="by chance, thirteen terms explain 13")
     field_mm: float = param(

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 
 class Sag(NamedTuple):
-    """Probability that turns of the camera follow its weight by chance (F test), and the share of their squares that they have by it."""
+    """Probability that turns of the camera follow its weight by chance (F test), and RMS of what follows, in the robot's standard deviations."""
 
     chance: float
-    share: float
+    size: float
 
 
 def chance_of_following(steps: Float, of_view: Float, station: Ints) -> float:
@@ -75,7 +75,7 @@ def sagging(turns: Float, cameras: Float, station: Ints) -> Sag:
     terms = free_alone - free
     if terms < 1 or free < 1 or not both > 0.0:
         return Sag(1.0, 0.0)
-    return Sag(float(fdtrc(terms, free, (alone - both) / terms / (both / free))), 1.0 - both / alone)
+    return Sag(float(fdtrc(terms, free, (alone - both) / terms / (both / free))), float(np.sqrt((alone - both) / turns.size)))
 
 
 def over_prior(arms: Float, arms_sd: Float) -> float:

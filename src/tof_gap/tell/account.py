@@ -254,7 +254,7 @@ def _arm_signs(solved: Solved, limits: ForeignLightLimits) -> tuple[bool, bool]:
     station = solved.chain.station
     of_steps = chance_of_following(steps_along(solved), contents(solved.evidence), station)
     sag = sagging((solved.arms / solved.arms_sd)[:, 3:], solved.cameras, station)
-    return of_steps < limits.chance_follows, sag.share > limits.sag_share and sag.chance < limits.chance_follows
+    return of_steps < limits.chance_follows, sag.size > limits.sag and sag.chance < limits.chance_follows
 
 
 def steps_along(solved: Solved) -> Float:
