@@ -137,6 +137,11 @@ class ColumnSystem:
             info[self.poses - 6 : self.poses] = HAND_EYE_FREE**-2.0
         return info, self.normal.error[at]
 
+    def mount_chi2(self, fit: ColumnFit) -> float:
+        """Chi-square of a solution's hand-eye against its prior."""
+        at = slice(self.poses - 6, self.poses)
+        return float((self.normal.error[at] + fit.hand_eye) ** 2 @ self.normal.info[at])
+
     def local(self, active: Ints) -> Ints:
         """Places of poses and of the columns `active` among a view's shared unknowns."""
         pose = self.normal.shared - self.columns

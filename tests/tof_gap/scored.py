@@ -32,11 +32,13 @@ class Judge:
         hand: str = "",
         lens: str = "",
         late: str = "",
+        mount: str = "",
         implausible: Sequence[str] = (),
         **limits: float,
     ) -> None:
         self.letters = sorted({letter for members in scores for letter in members})
-        self.scores, self.free, self.hand, self.lens, self.late, self.implausible = scores, free, hand, lens, late, set(implausible)
+        self.scores, self.free, self.hand, self.lens, self.implausible = scores, free, hand, lens, set(implausible)
+        self.late, self.mount = late, mount
         self.config = SelectLimits(**limits)  # type: ignore[arg-type]
         self.scored: list[str] = []
         self.apart = None
@@ -85,6 +87,9 @@ class Judge:
 
     def needed_by_calibration(self, name: str, _: Hypothesis) -> bool:
         return self._is_one_of(name, self.lens)
+
+    def needed_by_mount(self, name: str, _: Hypothesis) -> bool:
+        return self._is_one_of(name, self.mount)
 
     def needed_by_robot(self, name: str, _: Hypothesis) -> bool:
         return self._is_one_of(name, self.late)

@@ -90,6 +90,17 @@ class Selector:
         least = max(self.config.gain, self.config.lens_beside_rough * rough)
         return bool(self.fit(without).theta[: len(always)] ** 2 @ system.normal.info[system.poses + always] > least)
 
+    def needed_by_mount(self, name: str, hypothesis: Hypothesis) -> bool:
+        """Whether, without the effect `name`, hand-eye would contradict its stated calibration, and does not with it (by `hand_gain`).
+
+        Hand-eye absorbs what is alike in all pixels: of a drift of 7 mm, residuals show little.
+        """
+        if not len(self.design.always) or self.frees_hand(hypothesis.members):
+            return False
+        without = replace(hypothesis, members=tuple(self.design.without(hypothesis.members, name)))
+        with_it, alone = (self.design.system.mount_chi2(self.fit(of)) for of in (hypothesis, without))
+        return alone > self.config.hand_gain >= with_it
+
     def needed_by_robot(self, name: str, hypothesis: Hypothesis) -> bool:
         """Whether, without late stamps, arm errors would exceed the robot's prior in positions and in turns, and do not with them."""
         if name != TimeSync.NAME:

@@ -21,7 +21,8 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
     the others' maps. An effect is small if it explains little of what all effects explain, little of what they leave, noise included,
     and, as the third, little of the error that neighbours still share: beside a constant of centimetres, a curve of millimetres may
     still halve the rest. A wrong lens explains little, since the lens within the stated calibration absorbs it; it stays if that lens
-    would otherwise contradict its calibration, as do late stamps if arm errors would otherwise contradict the robot. Motion explains most
+    would otherwise contradict its calibration. So does any effect without which hand-eye would contradict its own, and late stamps without
+    which arm errors would contradict the robot. Motion explains most
     at edges, where nothing is fitted: it is judged there, once the solution is closed (`conclude`).
     """
     whole, small = current, list[str]()
@@ -32,7 +33,9 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
         }
         others = [i for i, m in enumerate(current.members) if judge.design.candidates[m].name not in names]
         beside = float(worth(judge, current)[0][others].clip(0.0).sum()) if others else 0.0
-        apart = (name for name in names if not (judge.needed_by_calibration(name, current) or judge.needed_by_robot(name, current)))
+        apart = [name for name in names if not _needed(judge, name, current)]
+        if not apart:
+            break
         least = min(apart, key=lost.__getitem__)
         rest = judge.design.without(current.members, least)
         if lost[least] >= min(judge.config.small_share * (sum(lost.values()) + beside), judge.config.small_left * current.score):
@@ -48,6 +51,11 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
     explained = judge.score((), whole.inflate).score - whole.score
     much = without > judge.config.small_together * explained
     return current, tuple(small) if much and visible_m(judge, whole, without) > judge.config.least_mm * 1e-3 else ()
+
+
+def _needed(judge: Selector, name: str, current: Hypothesis) -> bool:
+    """Whether lens, hand-eye or robot would contradict what is known of them without the effect `name`."""
+    return judge.needed_by_calibration(name, current) or judge.needed_by_mount(name, current) or judge.needed_by_robot(name, current)
 
 
 def takes(judge: Selector, members: Sequence[int], without: Sequence[int]) -> float:
