@@ -53,6 +53,14 @@ def test_the_solution_is_the_dense_one(active: list[int]) -> None:
     assert len(solution.theta) == len(active)
 
 
+def test_the_chi_square_of_hand_eye_is_that_of_its_whole_deviation() -> None:
+    s, active = system_of(rows()), np.zeros(0, np.int64)
+    fit = s.fit(active)
+    already = s.chain.prior()[2][6 * STATIONS :]
+    assert s.mount_chi2(fit) == pytest.approx(float(np.sum(((already + fit.hand_eye) / HAND_SD) ** 2)))
+    assert s.mount_chi2(fit) > 0.0
+
+
 def test_inflated_noise_widens_the_covariance_and_keeps_the_coefficients() -> None:
     X = [x * np.append(np.full(6 + COLUMNS, 100.0), 1.0) for x in rows()]  # pixels, not priors, decide; the residual is noise of one sigma
     s, active = system_of(X), np.arange(COLUMNS)

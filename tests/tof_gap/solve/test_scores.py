@@ -186,6 +186,25 @@ def test_a_lens_is_needed_where_the_freed_one_would_contradict_its_calibration(
     assert made.needed_by_calibration(name, Hypothesis((0, 1), np.zeros(3), 1.0)) is needed
 
 
+@pytest.mark.parametrize(("without", "with_it", "always", "hand", "needed"), [
+    (20.0, 3.0, (8,), False, True),
+    (13.0, 3.0, (8,), False, False),  # within what a stated calibration allows
+    (20.0, 15.0, (8,), False, False),  # the effect does not explain where hand-eye went
+    (20.0, 3.0, (), False, False),  # no calibration is stated
+    (20.0, 3.0, (8,), True, False),  # hand-eye is named
+])  # fmt: skip
+def test_an_effect_is_needed_where_hand_eye_would_contradict_its_calibration(
+    monkeypatch: pytest.MonkeyPatch, without: float, with_it: float, always: tuple[int, ...], *, hand: bool, needed: bool
+) -> None:
+    """Chi-square of hand-eye against its prior, with two members and with one."""
+    system = SimpleNamespace(mount_chi2=lambda members: with_it if members == 2 else without)
+    drift = candidate("hand_eye" if hand else "temperature_drift")
+    made: Any = selector(candidate("wiggling"), drift, system=system, without=lambda members, _: list(members)[:1])
+    made.design.always = np.array(always, np.int64)
+    monkeypatch.setattr(Selector, "fit", lambda _self, of: len(of.members))
+    assert made.needed_by_mount(drift.name, Hypothesis((0, 1), np.zeros(3), 1.0)) is needed
+
+
 @pytest.mark.parametrize(("without", "with_them", "name", "needed"), [
     (2.0, 1.0, "time_sync", True),
     (1.2, 1.0, "time_sync", False),  # an arm as inaccurate as that is usual

@@ -50,7 +50,7 @@ def test_of_four_effects_the_smallest_has_no_such_excuse() -> None:
     assert named(judge, without_small(judge, hypothesis(judge, "abcd"))[0]) == "abc"
 
 
-@pytest.mark.parametrize(("what", "kept"), [({}, "ab"), ({"lens": "c"}, "ac"), ({"late": "c"}, "ac")])
+@pytest.mark.parametrize(("what", "kept"), [({}, "ab"), ({"lens": "c"}, "ac"), ({"late": "c"}, "ac"), ({"mount": "c"}, "ac")])
 def test_a_wrong_lens_and_late_stamps_stay_however_little_they_show_and_count_as_one_of_the_effects(
     what: dict[str, str], kept: str
 ) -> None:
