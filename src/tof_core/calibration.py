@@ -92,13 +92,13 @@ class Modulation:
         "first modulation frequency; 0: none is stated, or the camera has none",
         unit="MHz",
         low=0.0,
-        high=1000.0,
+        high=400.0,
         why="as the data sheet states",
     )
     second_mhz: float = param(
-        0.0, "second one, of a camera that merges several", unit="MHz", low=0.0, high=1000.0, why="as the data sheet states"
+        0.0, "second one, of a camera that merges several", unit="MHz", low=0.0, high=400.0, why="as the data sheet states"
     )
-    third_mhz: float = param(0.0, "third one", unit="MHz", low=0.0, high=1000.0, why="as the data sheet states")
+    third_mhz: float = param(0.0, "third one", unit="MHz", low=0.0, high=400.0, why="as the data sheet states")
 
     @property
     def stated(self) -> tuple[float, ...]:
