@@ -37,12 +37,7 @@ def chance_of_following(steps: Float, of_view: Float, station: Ints) -> float:
     """
     seen = np.isfinite(of_view).all(axis=1)
     bases = (station[seen, None] == np.unique(station[seen])).astype(float)
-    alone, free_alone = _left(bases, steps[seen])
-    both, free = _left(np.column_stack([bases, of_view[seen]]), steps[seen])
-    terms = free_alone - free
-    if terms < 1 or free < 1 or not both > 0.0:
-        return 1.0
-    return float(fdtrc(terms, free, (alone - both) / terms / (both / free)))
+    return _followed(steps[seen], bases, of_view[seen])[0]
 
 
 def contents(views: Sequence[ViewEvidence]) -> Float:
@@ -70,12 +65,8 @@ def sagging(turns: Float, cameras: Float, station: Ints) -> Sag:
     down = -cameras[:, 2, :3]
     law = np.stack([np.cross(axis, down) for axis in np.eye(3)], axis=-1).reshape(-1, 3)
     bases = np.kron((station[:, None] == np.unique(station)).astype(float), np.eye(3))
-    alone, free_alone = _left(bases, turns.ravel())
-    both, free = _left(np.column_stack([bases, law]), turns.ravel())
-    terms = free_alone - free
-    if terms < 1 or free < 1 or not both > 0.0:
-        return Sag(1.0, 0.0)
-    return Sag(float(fdtrc(terms, free, (alone - both) / terms / (both / free))), float(np.sqrt((alone - both) / turns.size)))
+    chance, squares = _followed(turns.ravel(), bases, law)
+    return Sag(chance, float(np.sqrt(squares / turns.size)))
 
 
 def over_prior(arms: Float, arms_sd: Float) -> float:
@@ -90,6 +81,16 @@ def over_prior(arms: Float, arms_sd: Float) -> float:
 def means(views: Sequence[ViewEvidence], maps: Sequence[Float]) -> Float:
     """(V, 1) mean over each view's smooth pixels of an effect's map (H, W), metres; NaN without any."""
     return np.array([[np.nanmean(m[v.smooth]) if np.isfinite(m[v.smooth]).any() else np.nan] for v, m in zip(views, maps, strict=True)])
+
+
+def _followed(steps: Float, bases: Float, columns: Float) -> tuple[float, float]:
+    """Probability that `columns` (n, k) explain steps (n,) beside `bases` (n, s) as well by chance (F test), and the sum of squares that they do."""
+    alone, free_alone = _left(bases, steps)
+    both, free = _left(np.column_stack([bases, columns]), steps)
+    terms = free_alone - free
+    if terms < 1 or free < 1 or not both > 0.0:
+        return 1.0, 0.0
+    return float(fdtrc(terms, free, (alone - both) / terms / (both / free))), alone - both
 
 
 def _left(columns: Float, steps: Float) -> tuple[float, int]:

@@ -83,7 +83,7 @@ class Selector:
         always = self.design.always
         if name != Intrinsics.NAME or not len(always):
             return False
-        without = replace(hypothesis, members=tuple(self.design.without(hypothesis.members, name)))
+        without = self._without(name, hypothesis)
         system = self.design.system
         effects = (self.design.candidates[m].effect for m in hypothesis.members)
         rough = any(e is not None and e.ROUGH > 0.0 for e in effects)
@@ -97,7 +97,7 @@ class Selector:
         """
         if not len(self.design.always) or self.frees_hand(hypothesis.members):
             return False
-        without = replace(hypothesis, members=tuple(self.design.without(hypothesis.members, name)))
+        without = self._without(name, hypothesis)
         with_it, alone = (self.design.system.mount_chi2(self.fit(of)) for of in (hypothesis, without))
         return alone > self.config.hand_gain >= with_it
 
@@ -105,9 +105,13 @@ class Selector:
         """Whether, without late stamps, arm errors would exceed the robot's prior in positions and in turns, and do not with them."""
         if name != TimeSync.NAME:
             return False
-        without = replace(hypothesis, members=tuple(self.design.without(hypothesis.members, name)))
+        without = self._without(name, hypothesis)
         with_them, alone = (over_prior(self.arms(of), self.arms_sd) for of in (hypothesis, without))
         return alone > self.config.arm_rms >= with_them
+
+    def _without(self, name: str, hypothesis: Hypothesis) -> Hypothesis:
+        """The hypothesis without the effect `name`, not scored again."""
+        return replace(hypothesis, members=tuple(self.design.without(hypothesis.members, name)))
 
     def columns(self, members: Iterable[int]) -> Ints:
         """Columns of a hypothesis."""

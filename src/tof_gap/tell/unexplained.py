@@ -11,6 +11,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from tof_gap.seen.filtered import removed_for_noise
+from tof_gap.seen.finding import not_expected
 from tof_gap.seen.lost import brightest, expected, lost
 from tof_gap.seen.lost_by_pixel import lost_by_pixels
 from tof_gap.seen.residual import gross_bound
@@ -136,7 +137,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
 
 def noisy(findings: Sequence[Finding]) -> bool:
     """Whether a noise is named."""
-    return any(f.effect.EVIDENCE is Evidence.NOISE and not f.expected for f in findings)
+    return any(f.effect.EVIDENCE is Evidence.NOISE for f in not_expected(findings))
 
 
 def _gross(found: Account, missing: MissingLimits) -> float:
