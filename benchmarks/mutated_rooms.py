@@ -60,6 +60,7 @@ ROOMS = {
             "tof_gap.solve.ties": (),
             "tof_gap.solve.worth": (),
             "tof_gap.solve.causes": ("confidence", "smooth_ones"),
+            "tof_gap.solve.confirmed": (),
             "tof_gap.solve.tolerance": (),
             "tof_gap.tell.account": (),
             "tof_gap.tell.diagnosis": (),

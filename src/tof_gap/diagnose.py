@@ -203,4 +203,5 @@ def dealt(chain: Chain, limits: SolveLimits) -> Split:
     if len(chain.station) < limits.views:
         return Split((), tuple(range(len(chain.station))))
     fold = deal(chain.station.tolist(), limits.held_out)
-    return Split(tuple(np.flatnonzero(fold != 1).tolist()), tuple(np.flatnonzero(fold == 1).tolist()))
+    first, held_out, *others = (tuple(np.flatnonzero(fold == k).tolist()) for k in range(limits.held_out))
+    return Split(tuple(np.flatnonzero(fold != 1).tolist()), held_out, (first, *others))

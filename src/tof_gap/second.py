@@ -14,8 +14,8 @@ import numpy as np
 
 from tof_gap.solve.candidates import candidates
 from tof_gap.solve.conclude import moves_camera
+from tof_gap.solve.confirmed import mean_square
 from tof_gap.solve.together import added
-from tof_gap.solve.tolerance import mean_square
 from tof_gap.union import Member, designed, fitted
 from tof_sensor.effects.interference import Interference
 

@@ -40,10 +40,14 @@ class Named:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Split:
-    """Indices of the views that coefficients are fitted to, and of the held-out views, on which every figure is stated."""
+    """Indices of the views that coefficients are fitted to, and of the held-out views, on which every figure is stated.
+
+    others: the other sets that could be held out instead; all sets together are all views.
+    """
 
     fit: tuple[int, ...]
     held_out: tuple[int, ...]
+    others: tuple[tuple[int, ...], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

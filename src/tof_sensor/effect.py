@@ -32,17 +32,18 @@ class Evidence(Enum):
 
 
 class Form(NamedTuple):
-    """One form of an effect that a diagnosis tries, and what distinguishes it from the effect's other forms."""
+    """One form of an effect that a diagnosis tries, and what distinguishes it from the effect's other forms.
+
+    further: whether it occurs only beside a form that is not, and beside no straight line over range (`Effect.STRAIGHT`).
+    """
 
     effect: Effect
     note: str = ""
+    further: bool = False
 
 
 class Finer(NamedTuple):
-    """One pass of the search around an effect's best form: parameter, width to either side, number of steps.
-
-    steps: odd, so that the parameter's current value is included; relative: whether `width` is a share of the parameter or in its unit.
-    """
+    """One pass of the search around a parameter's best value, with an odd number of steps; `width` is a share of it, or in its unit."""
 
     parameter: str
     width: float
@@ -97,6 +98,7 @@ class Effect(ABC):
     IN_IMAGE: ClassVar[bool] = False  # Whether its map is the same in all views: what it leaves resembles no effect of range or light.
     UNEVEN: ClassVar[float] = 0.1  # Largest standard deviation of its size over the views, as a share of its mean.
     MODULATED: ClassVar[bool] = False  # Whether only time-of-flight cameras have it, modulated or pulsed; no stereo camera does.
+    STRAIGHT: ClassVar[bool] = False  # Whether its error is a straight line over range, alike in all pixels.
     ONE_FORM: ClassVar[bool] = False  # Whether a diagnosis tries it in a single form, which has the default parameters.
     REPEATS: ClassVar[bool] = False  # Whether it may occur several times: once per part, or once per modulation frequency.
     IN_CHAIN: ClassVar[bool] = False  # Whether it is a member of the chain of poses, which the solution estimates instead of columns.

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 from tof_sensor.effects.hand_eye import HandEye
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from tof_gap.solve.free import FreeFunction
     from tof_sensor.effect import Effect
 
@@ -20,13 +22,14 @@ HAND_EYE = HandEye.NAME
 class Candidate:
     """One hypothesis: an effect in one form, or a free function of one observable.
 
-    `effect` is None for hand-eye, which is part of the pose chain, and for a free function.
+    `effect` is None for hand-eye, which is part of the pose chain, and for a free function; further: as in `Form`.
     """
 
     name: str
     effect: Effect | None
     note: str = ""
     free: FreeFunction | None = None
+    further: bool = False
 
     @property
     def source(self) -> Effect | FreeFunction | None:
@@ -38,3 +41,10 @@ class Candidate:
         if self.name != other.name or self.free is not None:
             return False
         return self.effect is None or other.effect is None or not self.effect.occurs_beside(other.effect)
+
+    def stands_beside(self, others: Sequence[Candidate]) -> bool:
+        """Whether a hypothesis may contain the candidate together with exactly the candidates `others`."""
+        if not self.further:
+            return True
+        straight = any(o.effect is not None and o.effect.STRAIGHT for o in others)
+        return not straight and any(o.name == self.name and not o.further for o in others)

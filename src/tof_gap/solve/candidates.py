@@ -37,7 +37,11 @@ def candidates(
     """
     session = session_of(views, noise, scene, stated_mhz=stated_mhz)
     tested = [kind for kind in PHYSICAL_ORDER if kind.NAME not in left_out and kind.not_testable(session) is None]
-    made = [Candidate(kind.NAME, None if kind.IN_CHAIN else form.effect, form.note) for kind in tested for form in kind.hypotheses(session)]
+    made = [
+        Candidate(kind.NAME, None if kind.IN_CHAIN else form.effect, form.note, further=form.further)
+        for kind in tested
+        for form in kind.hypotheses(session)
+    ]
     return [c for c in made if not (quick and c.effect is not None and not c.effect.LOCAL)]
 
 

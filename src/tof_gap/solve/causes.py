@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -36,9 +36,19 @@ if TYPE_CHECKING:
 
 def named(joint: Joint, fit_views: Sequence[int], judge: Selector, rng: np.random.Generator) -> list[Named]:
     """The chosen effects with coefficients fitted to `fit_views` alone, instances of one name joined."""
+    found = fitted(joint, fit_views, judge)
+    sure = dict[str, float]()
+    for place, member in enumerate(joint.selection.chosen.members):
+        if not judge.is_free(member):
+            name = joint.design.candidates[member].name
+            sure[name] = max(confidence(joint, judge, place, rng), sure.get(name, 0.0))
+    return [replace(one, confidence=sure[one.name]) for one in found]
+
+
+def fitted(joint: Joint, fit_views: Sequence[int], judge: Selector) -> list[Named]:
+    """The same without confidence."""
     selection, design = joint.selection, joint.design
-    chosen = selection.chosen
-    whole = selection.fit
+    chosen, whole = selection.chosen, selection.fit
     solution = design.system.fit_to(fit_views, whole, inflate=chosen.inflate, free_hand=judge.frees_hand(chosen.members))
     # Uncertainty of the bases is uncertainty of the coefficients too.
     solution = replace(solution, answer=replace(solution.answer, cov=whole.answer.cov))
@@ -48,7 +58,7 @@ def named(joint: Joint, fit_views: Sequence[int], judge: Selector, rng: np.rando
             continue
         effect, std = _in_units(joint, member, solution, columns, fit_views)
         ties = tuple(design.candidates[i].name for i in selection.ties[place])
-        one = Named(effect.NAME, (effect,), (std,), ties, confidence(joint, judge, place, rng), member in selection.suspected)
+        one = Named(effect.NAME, (effect,), (std,), ties, np.nan, member in selection.suspected)
         if one.name in out:
             both = out[one.name]
             one = replace(
@@ -56,7 +66,6 @@ def named(joint: Joint, fit_views: Sequence[int], judge: Selector, rng: np.rando
                 effects=(*both.effects, effect),
                 std=(*both.std, std),
                 ties=tuple(sorted({*both.ties, *ties})),
-                confidence=max(both.confidence, one.confidence),
             )
         out[one.name] = one
     return sorted(out.values(), key=lambda n: n.name)
@@ -120,16 +129,25 @@ def free_shares(joint: Joint, views: Sequence[ViewEvidence]) -> dict[str, list[F
     return {c.note: [c.free.share(values, view) for view in views] for c, values in joint.members() if c.free is not None}
 
 
-def shares(
-    causes: Sequence[Named], views: Sequence[ViewEvidence], chain: Chain, caster: Raycaster, other_surface_m: float
-) -> dict[str, list[Float]]:
-    """For each named effect, its (H, W) metres of z in every view; chain: poses of the views."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Posed:
+    """The views of a session at the poses of a chain, in a scene; other_surface_m: metres beyond which a moved pixel sees another surface."""
 
-    def of_view(cause: Named, v: int, view: ViewEvidence) -> Float:
-        total = np.sum([rendered_bias(e, view, v, chain, caster, other_surface_m) for e in cause.effects], axis=0)
-        return single(np.where(view.frame.valid, total, np.nan))
+    views: Sequence[ViewEvidence]
+    chain: Chain
+    caster: Raycaster
+    other_surface_m: float
 
-    return {c.name: in_threads(partial(of_view, c), range(len(views)), views) for c in causes}
+    def shares(self, causes: Sequence[Named], at: Sequence[int] | None = None) -> dict[str, list[Float]]:
+        """For each named effect, its (H, W) metres of z in every view, or in the views `at`."""
+        places = range(len(self.views)) if at is None else at
+
+        def of_view(cause: Named, v: int) -> Float:
+            view = self.views[v]
+            total = np.sum([rendered_bias(e, view, v, self.chain, self.caster, self.other_surface_m) for e in cause.effects], axis=0)
+            return single(np.where(view.frame.valid, total, np.nan))
+
+        return {c.name: in_threads(partial(of_view, c), places) for c in causes}
 
 
 def smooth_ones(causes: Sequence[Named]) -> list[Named]:

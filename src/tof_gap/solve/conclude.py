@@ -12,12 +12,13 @@ from tof_core.memory import give_back
 from tof_gap.seen.residual import less, noise_again
 from tof_gap.seen.steps import beside_steps
 from tof_gap.solve.candidate import HAND_EYE
-from tof_gap.solve.causes import free_shares, named, shares, smooth_ones
+from tof_gap.solve.causes import Posed, free_shares, named, smooth_ones
+from tof_gap.solve.confirmed import confirmed_m, energy_share, sizes_m
 from tof_gap.solve.judge import Selector
 from tof_gap.solve.lateness import late_apart
 from tof_gap.solve.solution import delayed, lens_of, solution
 from tof_gap.solve.start import observe
-from tof_gap.solve.tolerance import calibrated, energy_share, sizes_m
+from tof_gap.solve.tolerance import calibrated
 from tof_gap.solved import Solved
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.intrinsics import Intrinsics
@@ -54,27 +55,27 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     judge = Selector(joint.design, config.select)
     after, late_s = solution(joint)
     found = late_apart(named(joint, split.fit, judge, rng), config.solve.joint.frame_taps, asked=TimeSync.NAME in joint.asked)
-    camera, other_m = joint.views[0].view.camera, config.solve.joint.other_surface_mm * 1e-3
+    camera = joint.views[0].view.camera
     rest = tuple(n for n in found if not calibrated(n, config.calibration, camera))
     # Hand-eye, lens and lateness are effects: figures are stated without them, unless they are within the stated calibration.
     final = replace(delayed(after, joint.views, -late_s), hand_eye=_mount(joint, rest, config.calibration))
     lens = None if any(n.name == Intrinsics.NAME for n in rest) else lens_of(joint)
     there = delayed(replace(final, hand_eye=joint.hand_eye), joint.views, late_s)
     evidence = observe(views, caster, final, config, concavity=True, lens=lens)  # Mixed pixels need exact poses and footprints.
-    maps, free = shares(rest, evidence, final, caster, other_m), free_shares(joint, evidence)
+    stated = Posed(evidence, final, caster, config.solve.joint.other_surface_mm * 1e-3)
+    maps, free = stated.shares(rest), free_shares(joint, evidence)
     give_back()  # What rendering and mapping have freed.
-    small = _small(sizes := sizes_m(maps | free, evidence, split.held_out), maps, rest, config.select)
+    still = [n for n in rest if not any(moves_camera(e, camera) for e in n.effects)]
+    moved = len(still) < len(rest)
+    # What a pixel errs by is confirmed at the true poses: a highlight is where the camera is.
+    true = replace(stated, views=observe(views, caster, there, config, lens=lens_of(joint)), chain=there) if moved else stated
+    sizes = sizes_m(maps | free, evidence, split.held_out) | confirmed_m(joint, judge, still, true, split, config.solve.joint)
+    small = _small(sizes, maps, rest, config.select)
     # Errors of a healthy camera are no gap: they are subtracted before anything is stated.
     evidence = less(evidence, [by_view for name, by_view in (maps | free).items() if name in small])
     maps, free = ({name: by_view for name, by_view in one.items() if name not in small} for one in (maps, free))
     causes = tuple(n for n in rest if n.name not in small)
-    if any(moves_camera(e, camera) for n in causes for e in n.effects):
-        seen = observe(views, caster, there, config, lens=lens_of(joint))
-        pixelwise = smooth_ones([n for n in rest if not any(moves_camera(e, camera) for e in n.effects)])
-        bare = less(seen, [*shares(pixelwise, seen, there, caster, other_m).values(), *free_shares(joint, seen).values()])
-    else:
-        smooth = maps | shares([n for n in smooth_ones(causes) if n not in causes], evidence, final, caster, other_m)
-        bare = less(evidence, [*smooth.values(), *free.values()])
+    bare = _all_subtracted(joint, true, still) if moved else _subtracted(stated, evidence, causes, maps, free)
     return Solved(
         camera=views[0].camera,
         caster=caster,
@@ -100,6 +101,19 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         arms_sd=judge.arms_sd,
         split=split,
     )
+
+
+def _all_subtracted(joint: Joint, posed: Posed, causes: Sequence[Named]) -> tuple[ViewEvidence, ...]:
+    """The views less the smooth bias of `causes` and of free functions."""
+    return less(posed.views, [*posed.shares(smooth_ones(causes)).values(), *free_shares(joint, posed.views).values()])
+
+
+def _subtracted(
+    posed: Posed, left: Sequence[ViewEvidence], causes: Sequence[Named], maps: Mapping[str, list[Float]], free: Mapping[str, list[Float]]
+) -> tuple[ViewEvidence, ...]:
+    """The views `left`, from which small effects are subtracted, less the smooth bias of all others; maps: of `causes`, pixel offsets included."""
+    smooth = {**maps, **posed.shares([n for n in smooth_ones(causes) if n not in causes])}
+    return less(left, [*smooth.values(), *free.values()])
 
 
 def _small(sizes: Mapping[str, float], maps: Mapping[str, Sequence[Float]], causes: Sequence[Named], limits: SelectLimits) -> set[str]:

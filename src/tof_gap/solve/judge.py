@@ -190,9 +190,15 @@ class Selector:
         return self.design.candidates[member].free is not None
 
     def repeats(self, member: int, members: Iterable[int]) -> bool:
-        """Whether one of the members is this candidate, or another form of an effect that a hypothesis may contain only once."""
-        one = self.design.candidates[member]
-        return member in members or any(one.excludes(self.design.candidates[m]) for m in members)
+        """Whether a hypothesis of these members cannot take the candidate.
+
+        It is one of them, or another form of an effect that a hypothesis may contain only once, or it and one of them do not occur together.
+        """
+        one, others = self.design.candidates[member], [self.design.candidates[m] for m in members]
+        if member in members or any(one.excludes(o) for o in others):
+            return True
+        together = [one, *others]
+        return not all(c.stands_beside([o for o in together if o is not c]) for c in together)
 
     def fit(self, hypothesis: Hypothesis) -> ColumnFit:
         """The hypothesis fitted to all views."""

@@ -46,7 +46,7 @@ def refined(store: ColumnStore, design: Design, selection: Selection, chain: Cha
         best = candidate.effect
         for finer in _undecided(candidate.effect.FINER, config.stated_mhz):
             best = _farther(best, finer, shaped)
-        out.append(Candidate(best.NAME, best, "refined"))
+        out.append(Candidate(best.NAME, best, "refined", further=candidate.further))
     return out
 
 

@@ -25,6 +25,7 @@ class DepthScale(Effect):
     REMEDY: ClassVar[str] = (
         "check the depth unit and the mode that the driver states, then calibrate the camera's range at two distances or more"
     )
+    STRAIGHT: ClassVar[bool] = True
     ACTIONS: ClassVar = (NEARER, FARTHER)
     EXACT: ClassVar[bool] = True
     ONE_FORM: ClassVar[bool] = True

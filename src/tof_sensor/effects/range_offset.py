@@ -23,6 +23,7 @@ class RangeOffset(Effect):
     ORDER: ClassVar[int] = 60
     MEANING: ClassVar[str] = "one constant added to every range"
     REMEDY: ClassVar[str] = "calibrate the camera's range at a target of known distance"
+    STRAIGHT: ClassVar[bool] = True
     ACTIONS: ClassVar = (ASIDE,)
     EXACT: ClassVar[bool] = True
     ONE_FORM: ClassVar[bool] = True

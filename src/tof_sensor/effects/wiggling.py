@@ -102,20 +102,28 @@ class Wiggling(CurveEffect):
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """Periods that can be distinguished over the session's span of range, in steps of a quarter period over it; or those of stated frequencies."""
+        """Periods that can be distinguished over the session's span of range, in steps of a quarter period over it; or those of stated frequencies.
+
+        Further ones are longer than what a single wave may have: the first terms of the curve of a whole turn of the phase, which all
+        cameras have whose calibration table is another's.
+        """
         if session.stated_mhz:
             yield from cls._of_frequencies(session)
             return
         for period in periods(session.range_span):
             yield Form(cls(modulation_mhz=LIGHT_M_PER_S / (8e6 * period)), f"period {period * 1e3:.0f} mm")
+        for period in longer(session.range_span):
+            yield Form(cls(modulation_mhz=LIGHT_M_PER_S / (8e6 * period)), f"period {period * 1e3:.0f} mm", further=True)
 
     @classmethod
     def _of_frequencies(cls, session: Session) -> Iterator[Form]:
-        """The harmonics that three and four taps alias, of each stated frequency, where the session sees a whole period."""
-        for mhz, harmonic in itertools.product(session.stated_mhz, ALIASED):
+        """The harmonics that three and four taps alias, of each stated frequency, where the session sees a whole period; further, the first two."""
+        for mhz, harmonic in itertools.product(session.stated_mhz, (*ALIASED, *WHOLE_TURN)):
             wave = cls(modulation_mhz=mhz, harmonic=harmonic)
-            if SHORTEST_M < wave.period_m < max(session.range_span, LONGEST_M):
-                yield Form(wave, f"{mhz:g} MHz, harmonic {harmonic}")
+            further = harmonic in WHOLE_TURN
+            longest = 2.0 * session.range_span if further else max(session.range_span, LONGEST_M)
+            if SHORTEST_M < wave.period_m < longest:
+                yield Form(wave, f"{mhz:g} MHz, harmonic {harmonic}", further=further)
 
 
 LEAST_SPAN_M = 0.08
@@ -127,6 +135,20 @@ SHORTEST_M, LONGEST_M, MOST_PERIODS = 0.06, 1.0, 40
 
 A longer wave has less than one period in any session, and many other effects cause such a bend over range.
 """
+FURTHER_M, MOST_FURTHER = 1.3, 12
+"""Shortest period, in metres, and most periods that are tried beside shorter ones: where a refined wave of `LONGEST_M` ends, and as steps over a
+span of 4 m have them."""
+WHOLE_TURN = (1, 2)
+"""Harmonics of a turn of the phase that an error of the calibration table has."""
+
+
+def longer(span: float) -> list[float]:
+    """Periods of at least `FURTHER_M` to try beside shorter ones, metres: from twice the span, neighbours 90 degrees apart over the span."""
+    out, period = list[float](), 2.0 * span
+    while period > FURTHER_M and len(out) < MOST_FURTHER:
+        out.append(period)
+        period = 1.0 / (1.0 / period + 0.25 / span)
+    return out
 
 
 def periods(span: float) -> Float:

@@ -14,10 +14,12 @@ from tof_gap.limits.seen import NoiseLimits
 from tof_gap.solve.candidate import Candidate
 from tof_gap.solve.candidates import candidates
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
+from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.lens_scatter import LensScatter
 from tof_sensor.effects.specular import Specular
 from tof_sensor.effects.subsurface import Subsurface
-from tof_sensor.effects.wiggling import Wiggling, periods
+from tof_sensor.effects.temperature_drift import TemperatureDrift
+from tof_sensor.effects.wiggling import Wiggling, longer, periods
 from tof_sensor.frame import LIGHT_M_PER_S
 from tof_sensor.model import SensorModel, load_model, save_model
 
@@ -43,14 +45,33 @@ def test_every_candidate_of_a_session_can_be_saved(tmp_path: Path) -> None:
     assert len(load_model(tmp_path / "sensor.yaml").effects) == len(effects)
 
 
+def test_a_long_wave_occurs_only_beside_a_shorter_one_and_beside_no_line_over_range() -> None:
+    long, short = Candidate("wiggling", Wiggling(modulation_mhz=15.0), further=True), Candidate("wiggling", Wiggling())
+    scale, drift = Candidate("depth_scale", DepthScale()), Candidate("temperature_drift", TemperatureDrift())
+    assert not long.stands_beside([])
+    assert not long.stands_beside([drift])
+    assert long.stands_beside([short, drift])
+    assert not long.stands_beside([short, scale])
+    assert short.stands_beside([scale])
+
+
+def test_long_waves_are_tried_up_to_twice_the_span() -> None:
+    assert longer(0.6) == []
+    assert longer(2.0) == pytest.approx([4.0, 8 / 3, 2.0, 1.6, 4 / 3])
+    assert len(longer(12.0)) == 12
+
+
 def test_stated_frequencies_replace_the_usual_ones() -> None:
     made = candidates(views(np.random.default_rng(0)), scene(wall=wall()), NoiseLimits(), stated_mhz=(80.0, 60.0))
     tried = {name: {c.effect.modulation_mhz for c in made if c.name == name} for name in ("lens_scatter", "multipath", "wiggling")}  # type: ignore[union-attr]
     # Two frequencies are merged: stray light acts on range as at one of them, or between both.
     assert tried == {"lens_scatter": {80.0, 60.0, 70.0}, "multipath": {80.0, 60.0, 70.0}, "wiggling": {80.0, 60.0}}
     assert not any(c.effect.reach_m for c in made if isinstance(c.effect, LensScatter))
-    waves = {c.effect.period_m for c in made if isinstance(c.effect, Wiggling)}
-    assert {round(x, 3) for x in waves} == {0.234, 0.312, 0.416, 0.468, 0.625, 0.833}
+    waves = {
+        further: {round(c.effect.period_m, 3) for c in made if isinstance(c.effect, Wiggling) and c.further is further}
+        for further in (False, True)
+    }
+    assert waves == {False: {0.234, 0.312, 0.416, 0.468, 0.625, 0.833}, True: {0.937, 1.249, 1.874}}
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, chain, views
 from tof_gap.limits.solve import SelectLimits
-from tof_gap.solve.causes import confidence, shares, smooth_ones
+from tof_gap.solve.causes import Posed, confidence, smooth_ones
 from tof_gap.solved import Named
 from tof_sensor.effects.fixed_pattern import FixedPattern, packed
 from tof_sensor.effects.range_offset import RangeOffset
@@ -43,7 +43,7 @@ def test_what_does_not_reach_the_gain_is_not_sure() -> None:
 def test_instances_of_one_name_add_up_in_metres_of_depth() -> None:
     seen = views(np.random.default_rng(1))
     two = Named("range_offset", (RangeOffset(offset_m=0.004), RangeOffset(offset_m=0.002)), ({}, {}), (), 1.0)
-    maps = shares([two], seen, chain(), cast("Any", None), 0.02)
+    maps = Posed(seen, chain(), cast("Any", None), 0.02).shares([two])
     assert list(maps) == ["range_offset"]
     assert len(maps["range_offset"]) == VIEWS
     np.testing.assert_allclose(maps["range_offset"][3] * seen[3].frame.length, 0.006)

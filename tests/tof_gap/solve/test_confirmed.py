@@ -12,7 +12,8 @@ import pytest
 from tof_core.calibration import Calibration
 from tof_core.camera import Camera
 from tof_gap.solve.causes import confidence, smooth_ones
-from tof_gap.solve.tolerance import _no_longer, _one_surface, calibrated, confirmed, energy_share, mean_square, sizes_m
+from tof_gap.solve.confirmed import _one_surface, confirmed, energy_share, mean_square, sizes_m
+from tof_gap.solve.tolerance import _no_longer, calibrated
 from tof_gap.solved import Named
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.motion import Motion
@@ -35,6 +36,19 @@ def test_a_map_that_measurements_bear_out_has_its_own_size() -> None:
     for share, size in ((1.0, 2e-3), (0.75, 2e-3 * np.sqrt(0.5)), (0.5, 0.0), (0.0, 0.0), (1.5, 2e-3 * np.sqrt(2.0))):
         views = [view(np.full(4, 99.0)), *[view(np.full(4, share * 2e-3))] * 2]
         assert sizes_m(maps, views, [1, 2])[Wiggling.NAME] == pytest.approx(size, abs=1e-12)
+
+
+def test_further_views_confirm_by_maps_that_were_not_fitted_to_them() -> None:
+    """View 2 alone is held out, and shows nothing of 2 mm; views 0 and 1 show them in full, by maps of fits to the others."""
+    maps = {Wiggling.NAME: [np.full(4, 2e-3)] * 3}
+    views = [*[view(np.full(4, 2e-3))] * 2, view(np.full(4, 1e-3))]
+    assert sizes_m(maps, views, [2])[Wiggling.NAME] == 0.0
+    further = {v: {Wiggling.NAME: np.full(4, 2e-3)} for v in (0, 1)}
+    assert sizes_m(maps, views, [2], further)[Wiggling.NAME] == pytest.approx(2e-3 * np.sqrt(2 / 3))
+    other = {
+        v: {Wiggling.NAME: np.full(4, 1e-3)} for v in (0, 1)
+    }  # Fits to the others find half: 4 x (1 + 2) - 2 x 2 - 2 x 2 of 2 x 1 + 4.
+    assert sizes_m(maps, views, [2], other)[Wiggling.NAME] == pytest.approx(2e-3 * np.sqrt(1 + 2 * (2 * 1e-6 - 2e-6) / 6e-6))
 
 
 def test_what_other_maps_explain_is_left_to_them() -> None:

@@ -18,10 +18,16 @@ from tof_gap.solve.select import _absorbable, _along, _described
 LIMITS = SelectLimits()
 
 
-def candidate(name: str, *, free: Any = None, repeatable: bool = False, **effect: Any) -> Any:
+def candidate(name: str, *, free: Any = None, repeatable: bool = False, beside: str | None = None, **effect: Any) -> Any:
     facts = {"SMEARS": False, "free_form": False, "LINEAR": ("a", "b"), "OWN": (), "bounds": (-np.ones(2), np.ones(2))} | effect
     made = None if free is not None or name == HAND_EYE else SimpleNamespace(**facts)
-    return SimpleNamespace(name=name, effect=made, free=free, excludes=lambda other: other.name == name and not repeatable)
+    return SimpleNamespace(
+        name=name,
+        effect=made,
+        free=free,
+        excludes=lambda other: other.name == name and not repeatable,
+        stands_beside=lambda others: beside is None or any(o.name == beside for o in others),
+    )
 
 
 def selector(*candidates: Any, always: tuple[int, ...] = (), **design: Any) -> Selector:
@@ -76,6 +82,15 @@ def test_what_a_hypothesis_holds_once_is_not_added_again() -> None:
     assert made.repeats(2, [2])
     assert not made.repeats(3, [2])
     assert not made.repeats(0, [2, 3])
+
+
+def test_what_stands_beside_another_alone_is_added_to_that_one_alone() -> None:
+    made = selector(candidate("long", beside="short"), candidate("short"), candidate("other"))
+    assert made.repeats(0, [])
+    assert made.repeats(0, [2])
+    assert not made.repeats(0, [1, 2])
+    assert made.repeats(2, [0])  # since a member would lack the other
+    assert not made.repeats(2, [0, 1])
 
 
 def plausible(theta: tuple[float, float], *, sd: float = 0.5, **effect: Any) -> bool:

@@ -9,7 +9,8 @@ import pytest
 from tests.tof_gap.quiet_views import SHAPE, views
 from tof_core.calibration import Calibration, HandEyeLimits, LensLimits
 from tof_core.camera import Camera
-from tof_gap.solve.tolerance import calibrated, confirmed, energy_share, mean_square, sizes_m
+from tof_gap.solve.confirmed import confirmed, energy_share, mean_square, sizes_m
+from tof_gap.solve.tolerance import calibrated
 from tof_gap.solved import Named
 from tof_sensor.effect import Effect
 from tof_sensor.effects.hand_eye import HandEye
