@@ -63,7 +63,8 @@ class Solved:
     which noise, loss and edges are read; unnamed_m: metres, sizes of the free functions together (root of the sum of squares);
     depends_on: their observables, most first;
     small_together: effects that each explain little and together much, and are therefore not named;
-    small: effects and observables within a healthy camera's tolerance or the stated calibration, and therefore not named;
+    small: effects and observables within a healthy camera's tolerance or the stated calibration, and therefore not named; small_m: their
+    sizes in metres, as those of the named ones, where they are known;
     within: the effects of a healthy camera's tolerance, whose bias is subtracted from the views;
     arms_alike: chi-square (6 degrees of freedom) of the mean arm error;
     arms (V, 6): arm errors in the camera's frame, metres and radians; arms_sd (V, 6): their standard deviations by the robot's prior;
@@ -87,6 +88,7 @@ class Solved:
     depends_on: tuple[str, ...]
     small_together: tuple[str, ...]
     small: tuple[str, ...]
+    small_m: dict[str, float]
     within: tuple[Named, ...]
     arms_alike: float
     arms: Float

@@ -55,8 +55,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     judge = Selector(joint.design, config.select)
     after, late_s = solution(joint)
     found = late_apart(named(joint, split.fit, judge, rng), config.solve.joint.frame_taps, asked=TimeSync.NAME in joint.asked)
-    camera = joint.views[0].view.camera
-    rest = tuple(n for n in found if not calibrated(n, config.calibration, camera))
+    rest = tuple(n for n in found if not calibrated(n, config.calibration, views[0].camera))
     # Hand-eye, lens and lateness are effects: figures are stated without them, unless they are within the stated calibration.
     final = replace(delayed(after, joint.views, -late_s), hand_eye=_mount(joint, rest, config.calibration))
     lens = None if any(n.name == Intrinsics.NAME for n in rest) else lens_of(joint)
@@ -65,7 +64,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     stated = Posed(evidence, final, caster, config.solve.joint.other_surface_mm * 1e-3)
     maps, free = stated.shares(rest), free_shares(joint, evidence)
     give_back()  # What rendering and mapping have freed.
-    still = [n for n in rest if not any(moves_camera(e, camera) for e in n.effects)]
+    still = [n for n in rest if not any(moves_camera(e, views[0].camera) for e in n.effects)]
     moved = len(still) < len(rest)
     # What a pixel errs by is confirmed at the true poses: a highlight is where the camera is.
     true = replace(stated, views=observe(views, caster, there, config, lens=lens_of(joint)), chain=there) if moved else stated
@@ -93,6 +92,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         unnamed_m=float(np.sqrt(sum(sizes[quantity] ** 2 for quantity in free))),
         depends_on=tuple(quantity for quantity in joint.selection.unknown if quantity in free),
         small=tuple(sorted(small | {n.name for n in found if n not in rest})),
+        small_m={name: sizes[name] for name in small},
         within=tuple(n for n in rest if n.name in small),
         small_together=joint.selection.small_together,
         # Motion shifts edges, and poses by a board's corners share the lens's errors: then equal arm errors are no sign of a loose mount.

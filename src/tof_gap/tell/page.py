@@ -13,7 +13,7 @@ from tof_gap.tell import pictures
 from tof_gap.tell.kept import GROWS
 from tof_gap.tell.plant import course_of
 from tof_gap.tell.where import Bin
-from tof_gap.tell.words import expected_words, interval, percent, sentence, size_in_words, todo, unexplained_words
+from tof_gap.tell.words import expected_words, interval, percent, sentence, size_in_words, small_words, todo, unexplained_words
 from tof_scene.world.words import lines, of_views
 from tof_sensor.registry import EFFECTS
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tof_gap.tell.diagnosis import Diagnosis
+    from tof_sensor.session import Course
 
 
 def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str, names: Sequence[str] = ()) -> Path:
@@ -52,7 +53,7 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str, 
             "others": others,
         },
         regions=content["where"]["regions"],
-        causes=[c | {"fitted": size_in_words(c, course)} for c in content["causes"]],
+        causes=[c | {"fitted": _fitted(c, content, course)} for c in content["causes"]],
         meaning={name: effect.MEANING for name, effect in EFFECTS.items()},
         words=[w["sentence"] for w in content["words"]],
         promise=content.get("promise"),
@@ -61,7 +62,7 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str, 
         left=unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes)) if d.unexplained.structured else "",
         against=content.get("against"),
         doubted=d.doubted,
-        small=content["small"],
+        small=small_words(content["small"], content.get("small_mm", {})),
         world=world,
         advice=content["advice"],
         not_testable=content["not_testable"],
@@ -72,6 +73,14 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str, 
     path = folder / "report.html"
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def _fitted(cause: dict[str, Any], content: dict[str, Any], course: Course) -> str:
+    """The size of a cause in its own units; of several waves, what they make together."""
+    text = size_in_words(cause, course)
+    several = all(isinstance(p, dict) for p in cause["params"].values()) and len(cause["params"]) > 1
+    together: dict[str, str] = {w["effect"]: w["size"] for w in content.get("words", ())} if text and several else {}
+    return together.get(cause["effect"], text)
 
 
 def map_picture(d: Diagnosis, names: Sequence[str]) -> str:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from tof_sensor.effect import Evidence
 from tof_sensor.session import Course
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from tof_core.arrays import Float
     from tof_gap.seen.finding import Finding
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from tof_scene.scene import Scene
     from tof_sensor.effect import Effect
 
+USUAL_MOUNT_MM, USUAL_MOUNT_DEG = 3.0, 0.3
+"""Errors of usual hand-eye calibrations, as published: 1 to 3 mm, 0.1 to 0.3 degrees."""
 MOST_PARTS = 3
 """Parts that are named one by one; with more, "many parts" is stated."""
 CARRIED = 0.8
@@ -78,7 +81,7 @@ def plant_words(d: Diagnosis, scene: Scene) -> list[Words]:
     maps = dict(d.shares)
     causes = [
         replace(
-            _words(c.named.name, c.named.effects, acts(c.size_m, maps[c.named.name]), maps[c.named.name], d, scene),
+            _words(c.named.name, c.named.effects, acts(c.size_m, maps[c.named.name]), maps[c.named.name], d, scene, c.named.std),
             rivals=tuple(c.named.ties),
             suspected=d.suspected(c),
             unsure=_unsure(c, d),
@@ -103,24 +106,46 @@ def to_dicts(words: Sequence[Words]) -> list[dict[str, Any]]:
     return [asdict(w) | {"sentence": w.sentence()} for w in words]
 
 
-def _words(name: str, effects: Sequence[Effect], size: str, maps: Sequence[Float] | None, d: Diagnosis, scene: Scene) -> Words:
-    kind, course = effects[0], course_of(d)
-    each = ", and ".join(filter(None, dict.fromkeys(_stated(e, course, scene, alone=len(effects) == 1) for e in effects[:MOST_PARTS])))
-    # Waves of nearly one period take each other off: their amplitudes by themselves say little.
-    waves = len(effects) > 1 and each and all(getattr(e, "part", None) is None for e in effects)
+def _words(
+    name: str,
+    effects: Sequence[Effect],
+    size: str,
+    maps: Sequence[Float] | None,
+    d: Diagnosis,
+    scene: Scene,
+    std: Sequence[Mapping[str, float]] = (),
+) -> Words:
+    kind, course, alone = effects[0], course_of(d), len(effects) == 1
+    stated = (_stated(e, s, course, scene, alone=alone) for e, s in zip_longest(effects[:MOST_PARTS], std[:MOST_PARTS]))
+    each = ", and ".join(filter(None, dict.fromkeys(stated)))
+    periods = sorted({f"{p:.2f}" for e in effects if not e.free_form and (p := getattr(e, "period_m", None)) is not None})
+    if len(effects) > 1 and periods and maps is not None:
+        # Waves of nearly one period take each other off: their amplitudes by themselves say nothing.
+        each = f"{size}, {extremes_mm(maps):.1f} mm between the extremes, in waves of {listed(periods)} m of range"
     return Words(
         name,
         kind.MEANING,
         "" if maps is None else where(d, maps, scene),
-        f"together {size}: {each}" if waves else each or size,
-        kind.remedy,
+        each or size,
+        _remedy(kind, d),
         "" if maps is None else cost(d, maps),
     )
 
 
-def _stated(effect: Effect, course: Course, scene: Scene, *, alone: bool) -> str:
+def _remedy(effect: Effect, d: Diagnosis) -> str:
+    """What to do; first, where no calibration is stated, to state one that is as good as calibrations are."""
+    if effect.mount is None or d.config.calibration.hand_eye_sd.any():
+        return effect.remedy
+    shift_mm, turn_deg = 1e3 * float(np.linalg.norm(effect.coefficients[:3])), float(np.degrees(np.linalg.norm(effect.coefficients[3:])))
+    if shift_mm > USUAL_MOUNT_MM or turn_deg > USUAL_MOUNT_DEG:
+        return effect.remedy
+    return f"many calibrations are no better: if this one is not, state its accuracy in calibration.yaml beside scene.yaml; otherwise {effect.remedy}"
+
+
+def _stated(effect: Effect, std: Mapping[str, float] | None, course: Course, scene: Scene, *, alone: bool) -> str:
     """The effect's size in its own units, with its part where several are meant; empty where millimetres of depth are enough."""
-    text, part = effect.stated_in(course), getattr(effect, "part", None)
+    to, part = getattr(effect, "stated_to", None), getattr(effect, "part", None)
+    text = effect.stated_in(course) if to is None or std is None else to(std)
     return text if alone or not text or part is None else f"{scene.parts[part].name} {text}"
 
 
@@ -158,22 +183,30 @@ def where(d: Diagnosis, maps: Sequence[Float], scene: Scene) -> str:
 
 
 def acts(size_m: float, maps: Sequence[Float]) -> str:
-    """RMS of maps (H, W) of metres over the pixels that they touch, and the share of these pixels."""
-    share = _covered(maps)
-    on = "" if share > EVERYWHERE else f" over {in_percent(share)} of the pixels"
-    return f"{1e3 * size_m:.1f} mm RMS{on}"
+    """RMS of maps (H, W) of metres over the pixels that they touch, the share of these pixels, and the RMS over all pixels of the CAD."""
+    touched, share = _covered(maps)
+    over_all = f", {1e3 * size_m * np.sqrt(touched):.1f} mm over all"
+    return f"{1e3 * size_m:.1f} mm RMS" + ("" if share > EVERYWHERE else f" over {in_percent(share)} of the pixels{over_all}")
 
 
-def _covered(maps: Sequence[Float]) -> float:
-    """Share of the pixels of maps (H, W) that are touched, or most of whose neighbours are: a pattern also acts where its sign changes."""
+def extremes_mm(maps: Sequence[Float]) -> float:
+    """Difference of the 1 and 99 % quantiles of maps (H, W) of metres, in millimetres: between the ends of the range, where few pixels are."""
+    low, high = np.quantile(joined((m[np.isfinite(m)] for m in maps), sum(m.size for m in maps)), [0.01, 0.99])
+    return 1e3 * float(high - low)
+
+
+def _covered(maps: Sequence[Float]) -> tuple[float, float]:
+    """Shares of the pixels of maps (H, W) that are touched; and that are, or most of whose neighbours are: a pattern also acts where its sign changes."""
     known = [np.isfinite(m) for m in maps]
     least = least_touched(joined((np.abs(m[k & (m != 0)]) for m, k in zip(maps, known, strict=True)), sum(m.size for m in maps)))
-    covered = 0
+    touched = covered = 0
     for m, k in zip(maps, known, strict=True):
         on = (k & (np.abs(m) >= least)).astype(float)
         among = uniform_filter(on, NEAR_PX) > 0.5 * uniform_filter(k.astype(float), NEAR_PX)
+        touched += int(on.sum())
         covered += int((k & (among | (on > 0))).sum())
-    return covered / max(sum(int(k.sum()) for k in known), 1)
+    every = max(sum(int(k.sum()) for k in known), 1)
+    return touched / every, covered / every
 
 
 def cost(d: Diagnosis, maps: Sequence[Float]) -> str:

@@ -19,6 +19,7 @@ from tof_gap.seen.smeared import smeared
 from tof_gap.tell.account import astray2, rough_m, steps2
 from tof_gap.tell.block_means import block_means, unbiased2
 from tof_gap.tell.figures import away_from_edges
+from tof_gap.tell.image_place import image_place
 from tof_gap.tell.line_means import line_sizes_m
 from tof_gap.tell.where import by_quantity
 from tof_sensor.effect import Evidence
@@ -62,7 +63,8 @@ class Unexplained:
     effects' maps; share: the part of the gap's energy that is left, that free functions of an observable describe, or that steps of the
     camera along its axis absorb which are no errors of the arm, 0 without structure; depends_on: quantities that it varies with, most first; where: parts that carry it, most first; gross: share of pixels
     away from edges with an error that no bias reaches, 0 where they are as few as tools and cables make; resembles: effects that were
-    taken out since the views contradict their maps (`tell.contradicted`): a similar mechanism acts there.
+    taken out since the views contradict their maps (`tell.contradicted`): a similar mechanism acts there; in_image: the quarter or half of
+    the image that carries most, in words.
     """
 
     rmse_mm: float
@@ -72,6 +74,7 @@ class Unexplained:
     share: float = 0.0
     gross: float = 0.0
     resembles: tuple[str, ...] = ()
+    in_image: str = ""
 
 
 def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLimits, contradicted: Sequence[str] = ()) -> Unexplained:
@@ -121,7 +124,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
         or bool(depends_on or (a_gap and solved.small_together) or gone.any())
         or (a_gap and not noisy(found.findings) and misfit(residual, left, noise2, limits.shrink.noise_known) > limit.misfit)
     )
-    del residual, noise2  # Images of all views are most of a session's memory.
+    del residual  # Images of all views are most of a session's memory.
     if not structured:
         return Unexplained(size, structured=False, depends_on=(), where=())
     return Unexplained(
@@ -132,6 +135,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
         share=_share(size**2, (1e3 * solved.unnamed_m) ** 2 + _in_steps2(found), before2),
         gross=gross if gross > limit.gross_share else 0.0,
         resembles=tuple(contradicted),
+        in_image=image_place(views, left, noise2, limits.block_px),
     )
 
 

@@ -144,9 +144,10 @@ def _off_edges(content: dict[str, Any]) -> str:
 
 def _clues(unexplained: Mapping[str, Any]) -> str:
     """What the unexplained gap varies with, where it is, and what it is like, as sentences that each begin with a space."""
-    varies, where, gross, like = (unexplained.get(key) for key in ("depends_on", "where", "gross", "resembles"))
+    varies, where, place, gross, like = (unexplained.get(key) for key in ("depends_on", "where", "in_image", "gross", "resembles"))
     clues = [f"varies with {listed(quantities(varies))}"] if varies else []
     clues += [f"shows most on {listed(where[:3])}"] if where else []
+    clues += [f"lies in {place}"] if place else []
     found = [f"It {'; it '.join(clues)}."] if clues else []
     if gross:
         found.append(
@@ -199,10 +200,17 @@ def calibration_words(stated: Calibration) -> str:
 
 
 def hand_eye_words(hand_eye: Float) -> str:
-    """How far hand-eye of the solution, (4, 4), is from the stated one."""
+    """How far hand-eye of the solution, (4, 4), is from the stated one; the identity is an unestimated one."""
     off = log(hand_eye)
+    if not off.any():
+        return "hand-eye is held at the stated one: without a calibration.yaml it counts as exact, unless it is named"
     size_mm, angle_deg = 1e3 * float(np.linalg.norm(off[:3])), float(np.degrees(np.linalg.norm(off[3:])))
     return f"hand-eye as estimated with the poses: {size_mm:.1f} mm and {angle_deg:.2f} degrees from the stated one"
+
+
+def small_words(names: Sequence[str], sizes_mm: Mapping[str, float]) -> str:
+    """Effects and observables that a healthy camera or the stated calibration may have, with their sizes where they are known."""
+    return ", ".join(name + (f" ({sizes_mm[name]:.1f} mm)" if name in sizes_mm else "") for name in names)
 
 
 def doubt_words(unexplained: float, doubt: float) -> str:

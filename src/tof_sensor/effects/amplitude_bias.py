@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from tof_sensor.session import Session
 
 
+CALIBRATE = "calibrate the camera's range on surfaces of several albedos, or simulate with sensor.yaml"
+
+
 @dataclass(frozen=True, slots=True)
 class AmplitudeBias(CurveEffect):
     """dr = c + a ln(Q / A0) + b ln(Q / A0)^2 + s (r / 1 m) ln(Q / A0) + d A0 / Q + e Q / A0 with Q = A (1 + k r^2) (Lindner 2010; docs/effects.md).
@@ -36,9 +39,7 @@ class AmplitudeBias(CurveEffect):
     NAME: ClassVar[str] = "amplitude_bias"
     ORDER: ClassVar[int] = 52
     MEANING: ClassVar[str] = "dark and bright surfaces are measured at different distances"
-    REMEDY: ClassVar[str] = (
-        "calibrate the camera's range on surfaces of several albedos, or simulate with sensor.yaml; until then trust dark parts less"
-    )
+    REMEDY: ClassVar[str] = f"{CALIBRATE}; until then trust dark parts less"
     SEPARATED_BY: ClassVar[str] = "surfaces of different albedo at one distance"
     ACTIONS: ClassVar = (BRIGHTER, NEARER, FARTHER)
     MODULATED: ClassVar[bool] = True
@@ -65,17 +66,22 @@ class AmplitudeBias(CurveEffect):
         return "range_offset"
 
     @property
-    def weak_is_nearer(self) -> bool:
-        """Whether weak light is measured nearer than bright light, at 1 m: late charge and slow comparators do the reverse."""
-        if self.knots:
-            return self.values[0] < self.values[-1]
-        weak, usual = np.stack(self._terms(np.log([WEAK, 1.0]), np.ones(2)), axis=1) @ self.coefficients
-        return bool(weak < usual)
-
-    @property
     def remedy(self) -> str:
-        """A calibration; where weak light is measured nearer, first a look at what reflects before the lens."""
-        return f"{WINDOW}; otherwise {self.REMEDY}" if self.weak_is_nearer else self.REMEDY
+        """A calibration; first what to do about the end of the curve that is off: weak light measured nearer, or bright light.
+
+        Weak light is measured nearer by what reflects before the lens; late charge and slow comparators do the reverse.
+        """
+        weak, usual, bright = self._at_light()
+        if abs(bright - usual) > abs(weak - usual):
+            return f"{EXPOSURE}; otherwise {CALIBRATE}; until then trust bright parts less"
+        return f"{WINDOW}; otherwise {self.REMEDY}" if weak < usual else self.REMEDY
+
+    def _at_light(self) -> tuple[float, float, float]:
+        """Bias in metres in weak, usual and bright light, at a range of 1 m; for a curve, at its ends and in its middle."""
+        if self.knots:
+            return self.values[0], float(np.interp(0.5 * (self.knots[0] + self.knots[-1]), self.knots, self.values)), self.values[-1]
+        weak, usual, bright = np.stack(self._terms(np.log([WEAK, 1.0, BRIGHT]), np.ones(3)), axis=1) @ self.coefficients
+        return float(weak), float(usual), float(bright)
 
     def observable(self, frame: Frame) -> Float:
         """ln A, A in the camera's unit; NaN without returned light."""
@@ -115,8 +121,9 @@ class AmplitudeBias(CurveEffect):
                 yield Form(cls(reference=session.median_amplitude, form=form, ambient=ambient), f"{form}, ambient light {ambient:g}")
 
 
-WEAK = 0.2
-"""Light, over the reference, at which weak light is compared with usual light."""
+WEAK, BRIGHT = 0.2, 4.0
+"""Light, over the reference, at which weak and bright light are compared with usual light."""
+EXPOSURE = "shorten the exposure first: bright surfaces are off, as where pixels are near saturation"
 WINDOW = (
     "clean the camera's window and cover glass first: weak surfaces are measured too near, as where the camera's own light is thrown back "
     "before the lens"

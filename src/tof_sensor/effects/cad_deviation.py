@@ -14,7 +14,7 @@ from tof_sensor.effect import FieldEffect, Form
 from tof_sensor.geometry import cell_surface
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from tof_core.arrays import Float
     from tof_scene.scene import Part
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 RIGID, BOW = 6, 3
 STATED_MM, STATED_DEG = 0.5, 0.1
 """Least displacement or bow, and least turn, that a text states: a healthy camera's errors are as large."""
+UNCERTAIN = 0.2
+"""Standard deviation over the size, from which a text states it: below, the digits that are printed hold."""
 FACE = 0.25
 """Longest edge of a bent part's faces in half-sizes: between their corners a bow is then exact to a 64th."""
 COEFFICIENT_SD = np.repeat([0.02, 0.1, 0.02], 3)
@@ -64,12 +66,23 @@ class CadDeviation(FieldEffect):
     @property
     def stated(self) -> str:
         """Displacement of the part's middle, turn about it, and bow, as far as the views show them; without what is too small to be read."""
+        return self._stated(np.zeros(RIGID))
+
+    def stated_to(self, std: Mapping[str, float]) -> str:
+        """`stated`, with the standard deviation of a displacement or a turn that is uncertain; std: of the coefficients, by name.
+
+        A part whose faces are seen from one side slides and turns in their plane without a change of depth.
+        """
+        return self._stated(np.array([std[name] for name in self.COEFFICIENTS[:RIGID]]))
+
+    def _stated(self, sd: Float) -> str:
         values = np.asarray(self.values, float)
-        moved_mm, bent_mm = 1e3 * float(np.linalg.norm(values[:3])), 1e3 * float(np.abs(values[RIGID:] * self.bow_reach).max())
-        turned_deg = float(np.degrees(np.linalg.norm(values[3:RIGID])))
+        moved_mm, shift_to = _length(values[:3], sd[:3], 1e3)
+        turned_deg, turn_to = _length(values[3:RIGID], sd[3:], 180.0 / np.pi)
+        bent_mm = 1e3 * float(np.abs(values[RIGID:] * self.bow_reach).max())
         says = [
-            f"displaced by {moved_mm:.1f} mm" if moved_mm >= STATED_MM else "",
-            f"turned by {turned_deg:.1f} degrees" if turned_deg >= STATED_DEG else "",
+            f"displaced by {moved_mm:.1f} mm{shift_to}" if moved_mm >= STATED_MM else "",
+            f"turned by {turned_deg:.1f} degrees{turn_to}" if turned_deg >= STATED_DEG else "",
             f"bent by {bent_mm:.1f} mm" if bent_mm >= STATED_MM else "",
         ]
         return ", ".join(filter(None, says))
@@ -138,3 +151,10 @@ class CadDeviation(FieldEffect):
 
 def _triple(v: Float) -> tuple[float, float, float]:
     return float(v[0]), float(v[1]), float(v[2])
+
+
+def _length(vector: Float, sd: Float, scale: float) -> tuple[float, str]:
+    """Length of a vector times `scale`, and its standard deviation along itself in words, where it is uncertain."""
+    length = float(np.linalg.norm(vector))
+    off = float(np.linalg.norm(sd * vector)) / max(length, 1e-12)
+    return scale * length, f" (±{scale * off:.1f})" if off > UNCERTAIN * length else ""

@@ -192,6 +192,7 @@ def summary(d: Diagnosis) -> str:
         hand_eye_words,
         interval,
         percent,
+        small_words,
         spaced,
         unexplained_words,
         untested_words,
@@ -221,6 +222,9 @@ def summary(d: Diagnosis) -> str:
     found = not_expected(d.findings)
     lines += [f"  {f.name}: confidence {f.confidence:.2f}" + (f", {f.note}" if f.note and not f.size else "") for f in found]
     lines += expected_words(d.findings)
+    if d.solved.small:
+        small = small_words(d.solved.small, {name: 1e3 * size for name, size in d.solved.small_m.items()})
+        lines.append(f"found, but within what a healthy camera or the stated calibration allows: {small}")
     if d.chain.root is None:
         seen, expected = ("{:.1f} mm and {:.2f} degrees".format(*of(d)) for of in (arm_errors, arm_prior))
         lines.append(

@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tof_core.calibration import Calibration, HandEyeLimits
 from tof_gap.seen.finding import Finding
 from tof_gap.seen.loss import GoesWith, Loss
-from tof_gap.tell.plant import Words, acts, cost, plant_words, where
+from tof_gap.tell.plant import Words, _remedy, acts, cost, plant_words, where
 from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.dropout import Dropout
+from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.effects.wiggling import Wiggling
 
 if TYPE_CHECKING:
@@ -39,7 +41,9 @@ def diagnosis(
     parts: tuple[int, ...] = (),
 ) -> Diagnosis:
     evidence = views(np.random.default_rng(1))
-    cause = SimpleNamespace(named=SimpleNamespace(name="wiggling", effects=waves, ties=ties, suspected=few), size_m=0.004)
+    cause = SimpleNamespace(
+        named=SimpleNamespace(name="wiggling", effects=waves, ties=ties, std=({},) * len(waves), suspected=few), size_m=0.004
+    )
     finding = Finding(Dropout(threshold=120.0, random=0.02), 0.9, size=size, remedy=remedy, parts=parts)
     made = {"evidence": evidence, "residual": [v.residual for v in evidence], "shares": {"wiggling": MAP}}
     return cast(
@@ -66,7 +70,23 @@ def test_several_waves_are_stated_by_what_they_make_together() -> None:
     """Two waves of nearly one period, which take each other off."""
     other = Wiggling(sine_m=-0.003, cosine_m=-0.003, modulation_mhz=98.0)
     (wiggling, _) = plant_words(diagnosis(waves=(WAVE, other)), SCENE)
-    assert wiggling.size == "together 4.0 mm RMS over 90 % of the pixels: ±5.0 mm every 0.37 m of range, and ±4.2 mm every 0.38 m of range"
+    assert (
+        wiggling.size
+        == "4.0 mm RMS over 90 % of the pixels, 3.8 mm over all, 9.8 mm between the extremes, in waves of 0.37 and 0.38 m of range"
+    )
+
+
+@pytest.mark.parametrize(
+    ("x_m", "stated_mm", "usual"),
+    [(0.0012, 0.0, True), (0.0012, 2.0, False), (0.004, 0.0, False)],
+    ids=["usual", "beyond the stated", "far off"],
+)
+def test_hand_eye_as_good_as_calibrations_are_is_to_be_stated_first(x_m: float, stated_mm: float, *, usual: bool) -> None:
+    stated = Calibration(hand_eye=HandEyeLimits(translation_mm=stated_mm))
+    made = cast("Diagnosis", SimpleNamespace(config=SimpleNamespace(calibration=stated)))
+    words = _remedy(HandEye(x_m=x_m), made)
+    assert words.startswith("many calibrations are no better") == usual
+    assert words.endswith(HandEye.REMEDY)
 
 
 def test_lost_pixels_are_stated_by_what_they_go_with() -> None:
@@ -85,7 +105,7 @@ def test_an_effect_of_few_pixels_costs_by_how_many_they_are() -> None:
     few[:, :2, :] = 0.005
     share = 100.0 * 2 / SHAPE[0]
     assert cost(diagnosis(), list(few)) == f"this effect puts {share:.0f} % of the pixels off by 1 mm or more, half of them by 5 mm or more"
-    assert acts(0.005, list(few)) == f"5.0 mm RMS over {share:.0f} % of the pixels"
+    assert acts(0.005, list(few)) == f"5.0 mm RMS over {share:.0f} % of the pixels, {5 * np.sqrt(share / 100):.1f} mm over all"
 
 
 def test_an_effect_of_hardly_any_pixel_has_no_share_of_naught() -> None:
@@ -105,7 +125,8 @@ def test_offsets_of_every_pixel_act_on_all_of_them_though_some_are_near_nought()
     white[:, :10, :] = np.nan
     assert acts(0.003, list(white)) == "3.0 mm RMS"
     white[:, : SHAPE[0] // 2, :] = 0.0
-    assert acts(0.003, list(white)) == "3.0 mm RMS over 50 % of the pixels"
+    # The least offsets, a tenth of these, count as none in the 3.0 mm.
+    assert acts(0.003, list(white)) == "3.0 mm RMS over 50 % of the pixels, 1.9 mm over all"
 
 
 def test_rivals_that_the_session_cannot_separate_stand_beside_the_name() -> None:

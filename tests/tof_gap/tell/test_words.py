@@ -20,6 +20,7 @@ from tof_gap.tell.words import (
     interval,
     sentence,
     size_in_words,
+    small_words,
     spaced,
     todo,
     unexplained_words,
@@ -153,6 +154,11 @@ def test_what_is_left_is_stated_as_far_as_it_is_known(where: tuple[str, ...], de
     assert unexplained_words(Unexplained(0.324, structured=True, depends_on=depends_on, where=where)) == words
 
 
+def test_what_is_left_in_one_part_of_the_image_is_placed_there() -> None:
+    left = Unexplained(0.324, structured=True, depends_on=(), where=("door",), in_image="the lower half of the image")
+    assert unexplained_words(left).endswith("It shows most on door; it lies in the lower half of the image.")
+
+
 def test_what_is_left_beside_suspected_effects_is_stated_as_such() -> None:
     left = Unexplained(0.324, structured=True, depends_on=(), where=("door",))
     assert unexplained_words(left, suspected=True) == f"With the suspected effects simulated, {LEFT}. It shows most on door."
@@ -253,6 +259,14 @@ def test_a_stated_calibration_is_said_and_its_absence_too() -> None:
 def test_hand_eye_of_the_solution_is_stated_by_length_and_angle() -> None:
     off = exp([0.003, 0.0, 0.004, 0.0, np.radians(0.2), 0.0])
     assert hand_eye_words(off) == "hand-eye as estimated with the poses: 5.0 mm and 0.20 degrees from the stated one"
+
+
+def test_hand_eye_that_is_not_estimated_is_said_to_be_held() -> None:
+    assert hand_eye_words(np.eye(4)).startswith("hand-eye is held at the stated one")
+
+
+def test_small_effects_have_their_sizes_where_these_are_known() -> None:
+    assert small_words(("hand_eye", "multipath"), {"multipath": 0.43}) == "hand_eye, multipath (0.4 mm)"
 
 
 def test_a_doubt_says_how_much_is_unexplained_and_how_much_may_be() -> None:
