@@ -35,6 +35,8 @@ GOES_WITH = {
     "stray_light": "stray light over the returned light",
 }
 """Words for observables whose names are no words of a reader."""
+HELD = 1e-9
+"""Metres and radians from the stated hand-eye up to which it was not estimated: rounding errors."""
 MOST_STATED = 3
 """Instances of one effect whose sizes are stated."""
 
@@ -202,7 +204,7 @@ def calibration_words(stated: Calibration) -> str:
 def hand_eye_words(hand_eye: Float) -> str:
     """How far hand-eye of the solution, (4, 4), is from the stated one; the identity is an unestimated one."""
     off = log(hand_eye)
-    if not off.any():
+    if np.allclose(off, 0.0, atol=HELD):
         return "hand-eye is held at the stated one: without a calibration.yaml it counts as exact, unless it is named"
     size_mm, angle_deg = 1e3 * float(np.linalg.norm(off[:3])), float(np.degrees(np.linalg.norm(off[3:])))
     return f"hand-eye as estimated with the poses: {size_mm:.1f} mm and {angle_deg:.2f} degrees from the stated one"
