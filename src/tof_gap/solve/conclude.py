@@ -28,6 +28,7 @@ from tof_sensor.effects.time_sync import TimeSync
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from tof_align.chain import Chain
     from tof_core.arrays import Float
     from tof_core.calibration import Calibration
     from tof_core.camera import Camera
@@ -53,28 +54,28 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         rng: for resampling views (confidence).
     """
     judge = Selector(joint.design, config.select)
-    after, late_s = solution(joint)
     found = late_apart(named(joint, split.fit, judge, rng), config.solve.joint.frame_taps, asked=TimeSync.NAME in joint.asked)
     rest = tuple(n for n in found if not calibrated(n, config.calibration, views[0].camera))
-    # Hand-eye, lens and lateness are effects: figures are stated without them, unless they are within the stated calibration.
-    final = replace(delayed(after, joint.views, -late_s), hand_eye=_mount(joint, rest, config.calibration))
+    final, there = _chains(joint, rest, config.calibration)
     lens = None if any(n.name == Intrinsics.NAME for n in rest) else lens_of(joint)
-    there = delayed(replace(final, hand_eye=joint.hand_eye), joint.views, late_s)
     evidence = observe(views, caster, final, config, concavity=True, lens=lens)  # Mixed pixels need exact poses and footprints.
     stated = Posed(evidence, final, caster, config.solve.joint.other_surface_mm * 1e-3)
     maps, free = stated.shares(rest), free_shares(joint, evidence)
     give_back()  # What rendering and mapping have freed.
     still = [n for n in rest if not any(moves_camera(e, views[0].camera) for e in n.effects)]
-    moved = len(still) < len(rest)
     # What a pixel errs by is confirmed at the true poses: a highlight is where the camera is.
-    true = replace(stated, views=observe(views, caster, there, config, lens=lens_of(joint)), chain=there) if moved else stated
-    sizes = sizes_m(maps | free, evidence, split.held_out) | confirmed_m(joint, judge, still, true, split, config.solve.joint)
+    true, own, nameless = stated, maps, free
+    if moved := len(still) < len(rest):
+        true = replace(stated, views=observe(views, caster, there, config, lens=lens_of(joint)), chain=there)
+        own, nameless = true.shares(still), free_shares(joint, true.views)
+    sizes = sizes_m(maps | free, evidence, split.held_out) | confirmed_m(joint, judge, true, own, nameless, split, config.solve.joint)
     small = _small(sizes, maps, rest, config.select)
     # Errors of a healthy camera are no gap: they are subtracted before anything is stated.
     evidence = less(evidence, [by_view for name, by_view in (maps | free).items() if name in small])
     maps, free = ({name: by_view for name, by_view in one.items() if name not in small} for one in (maps, free))
-    causes = tuple(n for n in rest if n.name not in small)
-    bare = _all_subtracted(joint, true, still) if moved else _subtracted(stated, evidence, causes, maps, free)
+    causes = [n for n in rest if n.name not in small]
+    left = (true, still, own, nameless) if moved else (replace(stated, views=evidence), causes, maps, free)
+    bare = _subtracted(*left)
     return Solved(
         camera=views[0].camera,
         caster=caster,
@@ -84,7 +85,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         hand_eye=joint.hand_eye,
         evidence=evidence,
         linearised=joint.views,
-        named=causes,
+        named=tuple(causes),
         maps=maps,
         sizes={n.name: sizes[n.name] for n in causes},
         tied=_tied(joint, {n.name for n in causes}),
@@ -103,17 +104,22 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     )
 
 
-def _all_subtracted(joint: Joint, posed: Posed, causes: Sequence[Named]) -> tuple[ViewEvidence, ...]:
-    """The views less the smooth bias of `causes` and of free functions."""
-    return less(posed.views, [*posed.shares(smooth_ones(causes)).values(), *free_shares(joint, posed.views).values()])
+def _chains(joint: Joint, rest: Sequence[Named], stated: Calibration) -> tuple[Chain, Chain]:
+    """The poses that figures are stated at, and the true ones as the solution has them.
+
+    Hand-eye and lateness are effects: figures are stated without them, unless they are within the stated calibration.
+    """
+    after, late_s = solution(joint)
+    final = replace(delayed(after, joint.views, -late_s), hand_eye=_mount(joint, rest, stated))
+    return final, delayed(replace(final, hand_eye=joint.hand_eye), joint.views, late_s)
 
 
 def _subtracted(
-    posed: Posed, left: Sequence[ViewEvidence], causes: Sequence[Named], maps: Mapping[str, list[Float]], free: Mapping[str, list[Float]]
+    posed: Posed, causes: Sequence[Named], maps: Mapping[str, list[Float]], free: Mapping[str, list[Float]]
 ) -> tuple[ViewEvidence, ...]:
-    """The views `left`, from which small effects are subtracted, less the smooth bias of all others; maps: of `causes`, pixel offsets included."""
+    """The views less the smooth bias of `causes` and of free functions; maps: of the causes, pixel offsets included."""
     smooth = {**maps, **posed.shares([n for n in smooth_ones(causes) if n not in causes])}
-    return less(left, [*smooth.values(), *free.values()])
+    return less(posed.views, [*smooth.values(), *free.values()])
 
 
 def _small(sizes: Mapping[str, float], maps: Mapping[str, Sequence[Float]], causes: Sequence[Named], limits: SelectLimits) -> set[str]:

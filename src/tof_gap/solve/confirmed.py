@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.stats import touched
-from tof_gap.solve.causes import fitted, free_shares
+from tof_gap.solve.causes import fitted
 from tof_gap.solve.lateness import late_apart
 from tof_sensor.effects.time_sync import TimeSync
 from tof_sensor.registry import EFFECTS
@@ -22,28 +22,33 @@ if TYPE_CHECKING:
     from tof_gap.solve.causes import Posed
     from tof_gap.solve.judge import Selector
     from tof_gap.solve.solution import Joint
-    from tof_gap.solved import Named, Split
+    from tof_gap.solved import Split
 
 MOST_PIXELS = 4_000_000
 """Pixels of a session of which the size of a map is taken; of more, every third or fifth: all of a long session are a gigabyte."""
 
 
 def confirmed_m(
-    joint: Joint, judge: Selector, causes: Sequence[Named], posed: Posed, split: Split, limits: JointLimits
+    joint: Joint,
+    judge: Selector,
+    posed: Posed,
+    maps: Mapping[str, Sequence[Float]],
+    free: Mapping[str, Sequence[Float]],
+    split: Split,
+    limits: JointLimits,
 ) -> dict[str, float]:
     """Size in metres of each effect, by the share of its energy that all views confirm, each with coefficients fitted to the others.
 
-    causes: fitted to `split.fit`, without those that move the camera; posed: the views at the true poses.
+    posed: the views at the true poses; maps: there, of the effects that do not move the camera, fitted to `split.fit`; free: of free functions.
     """
-    maps, free = posed.shares(causes), free_shares(joint, posed.views)
-    further, names, everywhere = {}, {n.name for n in causes}, range(len(posed.views))
-    for views in split.others if names else ():
+    further, everywhere = {}, range(len(posed.views))
+    for views in split.others if maps else ():
         found = fitted(joint, [v for v in everywhere if v not in views], judge)
         apart = late_apart(found, limits.frame_taps, asked=TimeSync.NAME in joint.asked)
-        by_name = posed.shares([n for n in apart if n.name in names], views)
+        by_name = posed.shares([n for n in apart if n.name in maps], views)
         for i, v in enumerate(views):
             further[v] = {name: by_view[i] for name, by_view in by_name.items()} | {of: by_view[v] for of, by_view in free.items()}
-    sizes = sizes_m(maps | free, posed.views, split.held_out, further)
+    sizes = sizes_m({**maps, **free}, posed.views, split.held_out, further)
     return {name: sizes[name] for name in maps}
 
 
