@@ -23,24 +23,28 @@ LEAST_VIEWS = 4
 """Views of a half in which a pixel should return light, from which its loss counts."""
 
 
-def lost_by_pixels(views: Sequence[ViewEvidence], limits: MissingLimits) -> bool:
+def lost_by_pixels(views: Sequence[ViewEvidence], limits: MissingLimits, predicted: Sequence[Float] | Float | None = None) -> bool:
     """Whether even and odd views lose the same pixels, beside what the pixels around lose.
 
-    Loss by light, by a part or by chance goes with what the views see, and they see other things at the same pixel.
+    Loss by light, by a part or by chance goes with what the views see. Neighbouring views may see the same dark surface at the same
+    place in the image: what its light predicts is taken off.
+
+    predicted: (H, W) per view, share of loss by light, NaN where there is none; None: nothing is predicted.
     """
     if len(views) < 2 * LEAST_VIEWS:
         return False
-    even, odd = (_beside_around(views[half::2], limits) for half in (0, 1))
+    known_loss = np.zeros(len(views)) if predicted is None else predicted
+    even, odd = (_beside_around(views[half::2], limits, known_loss[half::2]) for half in (0, 1))
     known = np.isfinite(even) & np.isfinite(odd)
     one, other = even[known], odd[known]
     size = np.sqrt((one @ one) * (other @ other))
     return bool(size > 0 and one @ other > limits.filter.same_pixels * size)
 
 
-def _beside_around(views: Sequence[ViewEvidence], limits: MissingLimits) -> Float:
-    """(H, W) share of the views that lose a pixel, less the mean of the pixels around; NaN where few views should see it."""
+def _beside_around(views: Sequence[ViewEvidence], limits: MissingLimits, predicted: Sequence[Float] | Float) -> Float:
+    """(H, W) share of the views that lose a pixel beyond what is predicted, less the mean of the pixels around; NaN where few views should see it."""
     losses = losses_of(views, limits)
     seen = np.sum(losses.inside, axis=0, dtype=float)
-    gone = np.sum([np.where(i, g, 0.0) for i, g in zip(losses.inside, losses.share, strict=True)], axis=0)
+    gone = np.sum([np.where(i, g - np.nan_to_num(p), 0.0) for i, g, p in zip(losses.inside, losses.share, predicted, strict=True)], axis=0)
     around = uniform_filter(gone, AROUND_PX) / np.maximum(uniform_filter(seen, AROUND_PX), 1e-9)
     return np.where(seen >= LEAST_VIEWS, gone / np.maximum(seen, 1.0) - around, np.nan)

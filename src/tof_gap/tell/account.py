@@ -202,8 +202,8 @@ def _findings(solved: Solved, config: GapConfig, stated: StatedNoise, left_out: 
     patchy = unmerged or any(isinstance(f.effect, Ambient) and f.structure for f in light)
     found = noise.noise_effects(beside, config.noise, taken, stated.law, patchy=patchy, piled_up=_piled_up(solved), of_maps_m=of_maps_m)
     uneven = [*([] if foreign is None else [foreign]), *found]
-    lossy = any(f.name == Dropout.NAME for f in gone)
-    by_filter = lossy and (lost_by_lines(left, lines, config.missing) or lost_by_pixels(left, config.missing))
+    loss = next((f for f in gone if f.name == Dropout.NAME), None)
+    by_filter = loss and (lost_by_lines(left, lines, config.missing) or lost_by_pixels(left, config.missing, loss.share))
     kept = (
         f
         for f in gone

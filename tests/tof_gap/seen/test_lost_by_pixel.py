@@ -31,6 +31,14 @@ def test_loss_towards_the_rim_of_the_image_is_alike_around_each_pixel() -> None:
     assert not lost_by_pixels(session(lambda _, rng: rng.random(SHAPE) < 0.5 * rim**2), LIMITS)
 
 
+def test_a_dark_surface_at_the_same_place_in_every_view_is_lost_for_its_light() -> None:
+    dark = np.zeros(SHAPE, bool)
+    dark[20:26, 30:60] = True
+    lossy = session(lambda _, rng: dark & (rng.random(SHAPE) < 0.9))
+    assert lost_by_pixels(lossy, LIMITS), "without what the light predicts, they are the same pixels"
+    assert not lost_by_pixels(lossy, LIMITS, [np.where(dark, 0.9, 0.0)] * len(lossy))
+
+
 def test_few_views_do_not_show_it() -> None:
     steep = np.random.default_rng(2).random(SHAPE) < 0.1
     assert not lost_by_pixels(session(lambda *_: steep)[:1], LIMITS)
