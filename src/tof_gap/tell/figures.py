@@ -128,7 +128,8 @@ def figures(solved: Solved, findings: Sequence[Finding], rng: np.random.Generato
         maps={**maps, **{f.name: list(f.share) for f in findings if f.corrects and f.share is not None}},
         common=common,
         noise2={v: quiet[v].sigma ** 2 for v in solved.split.held_out},
-        edge=[v.edge for v in views],
+        # A wrong mount or lens is simulated to first order beside the edges that are seen through the right one.
+        edge=[v.edge | true.edge for v, true in zip(views, solved.bare, strict=True)],
         mixed=[between(v) for v in views],
         held=solved.split.held_out,
         unsure2=unsure2,
