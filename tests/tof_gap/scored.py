@@ -33,12 +33,13 @@ class Judge:
         lens: str = "",
         late: str = "",
         mount: str = "",
+        off: str = "",
         implausible: Sequence[str] = (),
         **limits: float,
     ) -> None:
         self.letters = sorted({letter for members in scores for letter in members})
         self.scores, self.free, self.hand, self.lens, self.implausible = scores, free, hand, lens, set(implausible)
-        self.late, self.mount = late, mount
+        self.late, self.mount, self.off = late, mount, off
         self.config = SelectLimits(**limits)  # type: ignore[arg-type]
         self.scored: list[str] = []
         self.apart = None
@@ -87,6 +88,9 @@ class Judge:
 
     def needed_by_calibration(self, name: str, _: Hypothesis) -> bool:
         return self._is_one_of(name, self.lens)
+
+    def contradicts_mount(self, hypothesis: Hypothesis) -> bool:
+        return self.text(hypothesis.members) == self.off
 
     def needed_by_mount(self, name: str, _: Hypothesis) -> bool:
         return self._is_one_of(name, self.mount)

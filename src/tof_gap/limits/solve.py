@@ -125,6 +125,12 @@ class SelectLimits:
         low=1.0,
         why="they reduce errors of arm and lens, whose priors are known",
     )
+    mount_stated: float = param(
+        18.0,
+        "chi-square of hand-eye against its stated calibration from which it is wrong",
+        low=1.0,
+        why="position and turn both at the largest errors that are stated",
+    )
     lens_beside_rough: float = param(
         100.0,
         "chi-square of a lens against its stated calibration from which it is wrong beside an effect with an inexact map",

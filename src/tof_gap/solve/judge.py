@@ -90,6 +90,16 @@ class Selector:
         least = max(self.config.gain, self.config.lens_beside_rough * rough)
         return bool(self.fit(without).theta[: len(always)] ** 2 @ system.normal.info[system.poses + always] > least)
 
+    def contradicts_mount(self, hypothesis: Hypothesis) -> bool:
+        """Whether hand-eye, as every hypothesis has it within its stated calibration, is farther off than that states.
+
+        The prior's deviations are a third of the largest stated error of position and of turn: both at their largest have a chi-square of 18.
+        Thousands of pixels determine hand-eye against that prior, but freeing it explains little more of them.
+        """
+        if not len(self.design.always) or self.frees_hand(hypothesis.members):
+            return False
+        return self.design.system.mount_chi2(self.fit(hypothesis)) > self.config.mount_stated
+
     def needed_by_mount(self, name: str, hypothesis: Hypothesis) -> bool:
         """Whether, without the effect `name`, hand-eye would contradict its stated calibration, and does not with it (by `hand_gain`).
 

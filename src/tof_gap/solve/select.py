@@ -142,9 +142,12 @@ def with_mount(judge: Selector, current: Hypothesis) -> Hypothesis:
     """The hypothesis with hand-eye, where held-out views gain by it what they must.
 
     Hand-eye explains errors of the arm, and wins less chi-square than a weak effect of many pixels: the search may have ended before it.
+    It is free, too, where it contradicts its stated calibration.
     """
     candidates = judge.design.candidates
     mounts = [i for i, c in enumerate(candidates) if c.name == HAND_EYE]
+    if mounts and judge.contradicts_mount(current):
+        return rescored(judge, [*current.members, *mounts])
     return _best_addition(judge, current, mounts) or current
 
 
@@ -182,6 +185,7 @@ def weak(judge: Selector, current: Hypothesis) -> list[tuple[float, int]]:
         (v, i)
         for i, (gain, v) in enumerate(zip(lost, visible, strict=True))
         if not judge.needed_by_calibration(judge.design.candidates[current.members[i]].name, current)
+        and not (judge.frees_hand([current.members[i]]) and judge.contradicts_mount(rest_of(current, i)))
         and (
             gain < judge.gain(current.members[i])
             or of_effect[i] < judge.share(current.members[i]) * totals[i]
@@ -191,6 +195,11 @@ def weak(judge: Selector, current: Hypothesis) -> list[tuple[float, int]]:
             or not shown(judge, current, i)
         )
     ]
+
+
+def rest_of(hypothesis: Hypothesis, place: int) -> Hypothesis:
+    """The hypothesis without the member at `place`, not scored again."""
+    return replace(hypothesis, members=tuple(m for i, m in enumerate(hypothesis.members) if i != place))
 
 
 def _totals(judge: Selector, current: Hypothesis, visible: Float) -> list[float]:

@@ -21,6 +21,7 @@ from tof_gap.solve.select import (
     _plain,
     _prune,
     _rough,
+    weak,
     with_lens,
     with_mount,
     won_steadily,
@@ -87,6 +88,16 @@ def test_hand_eye_is_looked_for_again_when_the_search_has_ended() -> None:
     assert named(little, with_mount(little, hypothesis(little, "a"))) == "a"
     other: Any = Judge(scores, ["multipath", "wiggling"])
     assert named(other, with_mount(other, hypothesis(other, "a"))) == "a", "other effects have had their turn"
+
+
+def test_hand_eye_that_contradicts_its_calibration_is_wrong_though_freeing_it_explains_little() -> None:
+    scores = {"a": 500.0, "h": 900.0, "ah": 499.0}
+    judge: Any = Judge(scores, ["multipath", "hand_eye"], hand="h", off="a")
+    both = with_mount(judge, hypothesis(judge, "a"))
+    assert named(judge, both) == "ah"
+    assert all(place == 0 for _, place in weak(judge, both)), "nor is it dropped for that"
+    as_stated: Any = Judge(scores, ["multipath", "hand_eye"], hand="h")
+    assert named(as_stated, with_mount(as_stated, hypothesis(as_stated, "a"))) == "a"
 
 
 @pytest.mark.parametrize(

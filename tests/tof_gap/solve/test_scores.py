@@ -201,6 +201,21 @@ def test_a_lens_is_needed_where_the_freed_one_would_contradict_its_calibration(
     assert made.needed_by_calibration(name, Hypothesis((0, 1), np.zeros(3), 1.0)) is needed
 
 
+@pytest.mark.parametrize(("chi2", "always", "hand", "off"), [
+    (18.5, (8,), False, True),
+    (17.5, (8,), False, False),  # position and turn at the largest errors that are stated
+    (99.0, (), False, False),  # no calibration is stated
+    (99.0, (8,), True, False),  # hand-eye is named
+])  # fmt: skip
+def test_hand_eye_contradicts_its_calibration_beyond_the_largest_stated_errors(
+    monkeypatch: pytest.MonkeyPatch, chi2: float, always: tuple[int, ...], *, hand: bool, off: bool
+) -> None:
+    made: Any = selector(candidate("hand_eye" if hand else "wiggling"), system=SimpleNamespace(mount_chi2=lambda _: chi2))
+    made.design.always = np.array(always, np.int64)
+    monkeypatch.setattr(Selector, "fit", lambda _self, _: None)
+    assert made.contradicts_mount(Hypothesis((0,), np.zeros(3), 1.0)) is off
+
+
 @pytest.mark.parametrize(("without", "with_it", "always", "hand", "needed"), [
     (20.0, 3.0, (8,), False, True),
     (13.0, 3.0, (8,), False, False),  # within what a stated calibration allows
