@@ -74,8 +74,13 @@ def over_prior(arms: Float, arms_sd: Float) -> float:
 
     Encoders, a base that slips and a wrong TF tree err in both; depth errors that poses absorb mostly move the camera along its axis.
     """
-    squares = ((arms / arms_sd) ** 2).reshape(-1, 2, 3).mean(axis=(0, 2))
-    return float(np.sqrt(squares.min()))
+    return min(each_over_prior(arms, arms_sd))
+
+
+def each_over_prior(arms: Float, arms_sd: Float) -> tuple[float, float]:
+    """RMS of arm errors (V, 6) over their standard deviations by the robot's prior: of positions, and of turns."""
+    positions, turns = np.sqrt(((arms / arms_sd) ** 2).reshape(-1, 2, 3).mean(axis=(0, 2)))
+    return float(positions), float(turns)
 
 
 def means(views: Sequence[ViewEvidence], maps: Sequence[Float]) -> Float:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_align.folds import Folds, deal
-from tof_gap.seen.arm_steps import over_prior
+from tof_gap.seen.arm_steps import each_over_prior
 from tof_gap.solve.candidate import HAND_EYE
 from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.time_sync import TimeSync
@@ -112,11 +112,14 @@ class Selector:
         return alone > self.config.hand_gain >= with_it
 
     def needed_by_robot(self, name: str, hypothesis: Hypothesis) -> bool:
-        """Whether, without late stamps, arm errors would exceed the robot's prior in positions and in turns, and do not with them."""
+        """Whether, without late stamps, arm errors would exceed the robot's prior in positions or in turns, and in neither with them.
+
+        A hand that moves straight is off in position alone.
+        """
         if name != TimeSync.NAME:
             return False
         without = self._without(name, hypothesis)
-        with_them, alone = (over_prior(self.arms(of), self.arms_sd) for of in (hypothesis, without))
+        with_them, alone = (max(each_over_prior(self.arms(of), self.arms_sd)) for of in (hypothesis, without))
         return alone > self.config.arm_rms >= with_them
 
     def _without(self, name: str, hypothesis: Hypothesis) -> Hypothesis:

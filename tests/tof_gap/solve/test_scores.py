@@ -249,3 +249,11 @@ def test_late_stamps_are_needed_where_arm_errors_would_contradict_the_robot(
     monkeypatch.setattr(Selector, "arms", lambda _self, of: np.full((4, 6), with_them if len(of.members) == 2 else without))
     monkeypatch.setattr(Selector, "arms_sd", np.ones((4, 6)))
     assert made.needed_by_robot(name, Hypothesis((0, 1), np.zeros(3), 1.0)) is needed
+
+
+def test_late_stamps_are_needed_where_the_arm_errs_in_positions_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: Any = selector(candidate("wiggling"), candidate("time_sync"), without=lambda members, _: list(members)[:1])
+    straight = np.repeat([[1.7, 1.7, 1.7, 1.2, 1.2, 1.2]], 4, axis=0)
+    monkeypatch.setattr(Selector, "arms", lambda _self, of: np.full((4, 6), 0.6) if len(of.members) == 2 else straight)
+    monkeypatch.setattr(Selector, "arms_sd", np.ones((4, 6)))
+    assert made.needed_by_robot("time_sync", Hypothesis((0, 1), np.zeros(3), 1.0))
