@@ -86,8 +86,9 @@ class Judge:
     def against_priors(self, member: int) -> bool:
         return self.letters[member] in self.hand + self.lens
 
-    def needed_by_calibration(self, name: str, _: Hypothesis) -> bool:
-        return self._is_one_of(name, self.lens)
+    def needed_by_calibration(self, name: str, hypothesis: Hypothesis) -> bool:
+        rest = self.design.without(hypothesis.members, name)
+        return self._is_one_of(name, self.lens) or (self._is_one_of(name, self.hand) and self.text(rest) == self.off)
 
     def contradicts_mount(self, hypothesis: Hypothesis) -> bool:
         return self.text(hypothesis.members) == self.off

@@ -76,10 +76,12 @@ class Selector:
         return lens or self.frees_hand([member])
 
     def needed_by_calibration(self, name: str, hypothesis: Hypothesis) -> bool:
-        """Whether, without the effect `name`, the lens of every hypothesis would contradict its calibration.
+        """Whether, without the effect `name`, the lens or the hand-eye of every hypothesis would contradict its calibration.
 
-        By `gain` of chi-square; by `lens_beside_rough` beside an effect whose map is inexact, since a lens absorbs smooth errors of maps.
+        Of the lens by `gain` of chi-square; by `lens_beside_rough` beside an effect whose map is inexact, since a lens absorbs smooth errors of maps.
         """
+        if name == HAND_EYE:
+            return self.contradicts_mount(self._without(name, hypothesis))
         always = self.design.always
         if name != Intrinsics.NAME or not len(always):
             return False

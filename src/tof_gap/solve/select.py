@@ -185,7 +185,6 @@ def weak(judge: Selector, current: Hypothesis) -> list[tuple[float, int]]:
         (v, i)
         for i, (gain, v) in enumerate(zip(lost, visible, strict=True))
         if not judge.needed_by_calibration(judge.design.candidates[current.members[i]].name, current)
-        and not (judge.frees_hand([current.members[i]]) and judge.contradicts_mount(rest_of(current, i)))
         and (
             gain < judge.gain(current.members[i])
             or of_effect[i] < judge.share(current.members[i]) * totals[i]
@@ -195,11 +194,6 @@ def weak(judge: Selector, current: Hypothesis) -> list[tuple[float, int]]:
             or not shown(judge, current, i)
         )
     ]
-
-
-def rest_of(hypothesis: Hypothesis, place: int) -> Hypothesis:
-    """The hypothesis without the member at `place`, not scored again."""
-    return replace(hypothesis, members=tuple(m for i, m in enumerate(hypothesis.members) if i != place))
 
 
 def _totals(judge: Selector, current: Hypothesis, visible: Float) -> list[float]:

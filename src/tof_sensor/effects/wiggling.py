@@ -144,17 +144,19 @@ WHOLE_TURN = (1, 2)
 
 def longer(span: float) -> list[float]:
     """Periods of at least `FURTHER_M` to try beside shorter ones, metres: from twice the span, neighbours 90 degrees apart over the span."""
-    out, period = list[float](), 2.0 * span
-    while period > FURTHER_M and len(out) < MOST_FURTHER:
-        out.append(period)
-        period = 1.0 / (1.0 / period + 0.25 / span)
-    return out
+    return _spaced(2.0 * span, FURTHER_M, span, MOST_FURTHER)
 
 
 def periods(span: float) -> Float:
     """Wiggle periods to try, metres: from twice the span (or `LONGEST_M`) down to `SHORTEST_M`, neighbours 90 degrees apart over the span."""
-    out, period = [], min(2.0 * max(span, 0.2), LONGEST_M)
-    while period > SHORTEST_M:
+    wide = max(span, 0.2)
+    return np.array(_spaced(min(2.0 * wide, LONGEST_M), SHORTEST_M, wide, MOST_PERIODS))
+
+
+def _spaced(longest: float, shortest: float, span: float, most: int) -> list[float]:
+    """At most `most` periods from the longest down to above the shortest, metres, neighbours 90 degrees apart over the span."""
+    out, period = list[float](), longest
+    while period > shortest:
         out.append(period)
-        period = 1.0 / (1.0 / period + 0.25 / max(span, 0.2))
-    return np.array(out[:MOST_PERIODS])
+        period = 1.0 / (1.0 / period + 0.25 / span)
+    return out[:most]
