@@ -35,8 +35,8 @@ def bias_on_the_dark_wall(effect: LensScatter, frame: Frame) -> Float:
 
 def light_from_the_bright_wall(frame: Frame) -> Float:
     """Stray light of the whole image's width that reaches the pixels of the dark wall, over their own."""
-    bright = np.where(LEFT, 0.0, frame.amplitude).astype(complex)
-    stray = blurred(bright, WIDTHS[-1] * CAMERA.width, np.arange(LEFT.size)).real.reshape(LEFT.shape)
+    bright = np.where(LEFT, 0.0, frame.amplitude)
+    (stray,) = blurred(bright[None], WIDTHS[-1] * CAMERA.width)
     return np.asarray(stray[LEFT] / frame.amplitude[LEFT])
 
 

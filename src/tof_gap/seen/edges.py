@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.ndimage import binary_dilation, distance_transform_edt, median_filter
+from numba import njit
+from scipy.ndimage import binary_dilation, distance_transform_edt
 
 from tof_sensor.frame import lambert_amplitude
 from tof_sensor.geometry import image_flow
@@ -69,6 +70,32 @@ def streaks(residual: Float, sigma: Float, keep: Mask, limits: BlurLimits) -> Ma
     if not keep.any():
         return np.zeros(keep.shape, bool)
     nearest = distance_transform_edt(~keep, return_distances=False, return_indices=True)
-    around = median_filter(residual[tuple(nearest)], size=limits.streak_px, mode="nearest")
-    off = np.abs(residual - around) > limits.streak_sigma * sigma
-    return np.asarray(binary_dilation(off & keep))
+    around = np.pad(residual[tuple(nearest)], _reach(limits.streak_px), mode="edge")
+    return np.asarray(binary_dilation(_off_median(around, limits.streak_sigma * sigma, keep, limits.streak_px)))
+
+
+def _reach(size: int) -> tuple[int, int]:
+    """Pixels of a window of `size` before and after its pixel."""
+    return size // 2, size - 1 - size // 2
+
+
+@njit(cache=True, nogil=True)
+def _off_median(padded: Float, far: Float, asked: Mask, size: int) -> Any:
+    """(H, W) asked pixels that differ by more than `far` (H, W) from the median of the `size` x `size` pixels around.
+
+    The median is beyond a bound where half of the pixels are: counting them takes a tenth of the time of sorting.
+    """
+    out = np.zeros(asked.shape, np.bool_)
+    before, half = size // 2, size * size // 2
+    for v in range(asked.shape[0]):
+        for u in range(asked.shape[1]):
+            if asked[v, u]:
+                middle = padded[v + before, u + before]
+                low, high = middle - far[v, u], middle + far[v, u]
+                lower, higher = 0, 0
+                for y in range(v, v + size):
+                    for x in range(u, u + size):
+                        lower += padded[y, x] < low
+                        higher += padded[y, x] > high
+                out[v, u] = lower > half or higher >= size * size - half
+    return out

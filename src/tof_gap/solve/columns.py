@@ -79,6 +79,7 @@ class ColumnStore:
         self._lines: list[LineMeans] = []
         self._areas: list[Float] = []
         self._kept: dict[Effect | FreeFunction | None, list[Image]] = {}
+        self._squares: dict[Effect | FreeFunction | None, Float] = {}
 
     def of(self, tested: Sequence[Candidate]) -> list[list[Image]]:
         """(n, k) per candidate and view; none for hand-eye, whose columns are those of the pose.
@@ -91,7 +92,12 @@ class ColumnStore:
             self._areas = area_maps_of_others(self.views, self._folds)
         by_view = in_threads(lambda v: [self._columns(c, v).astype(np.float32) for c in missing.values()], range(len(self.views)))
         self._kept = self._kept | dict(zip(missing, map(list, zip(*by_view, strict=True)), strict=True))
+        self._squares = self._squares | {source: _squares(self._kept[source]) for source in missing}
         return [self._kept[c.source] for c in tested]
+
+    def squares(self, tested: Sequence[Candidate]) -> list[Float]:
+        """(k,) sums of squares per candidate over the pixels of all views, of columns that the store holds."""
+        return [self._squares[c.source] for c in tested]
 
     def _columns(self, candidate: Candidate, v: int) -> Float:
         view, effect = self.views[v], candidate.effect
@@ -127,14 +133,14 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
     `EXACT` adds no column. In a moving session, the prior of the bases is centred on the chain's bases and not on the robot's.
     """
     calibrated = bool(lens_sd.any())
-    by_candidate = store.of(tested)
+    by_candidate, squares = store.of(tested), store.squares(tested)
     if calibrated:
         by_candidate.append([c[:, :LENS_COLUMNS] for c in store.of([LENS])[0]])
+        squares.append(store.squares([LENS])[0][:LENS_COLUMNS])
     ends = np.cumsum([0, *(columns[0].shape[1] for columns in by_candidate)])
     groups = tuple(np.arange(a, b) for a, b in itertools.pairwise(ends))
     every = range(len(store.views))
     total = sum(len(view.pixels) for view in store.views)
-    squares = [sum(np.einsum("ni,ni->i", c, c, dtype=np.float64) for c in columns) for columns in by_candidate]
     scale = np.sqrt(np.concatenate([np.zeros(0), *squares]) / total)
     live = scale > 1e-12
     safe = np.where(live, scale, 1.0)
@@ -154,6 +160,11 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
     )
     always = groups[-1] if calibrated else np.zeros(0, np.int64)
     return Design(tuple(tested), groups[: len(tested)], safe, system, always)
+
+
+def _squares(by_view: Sequence[Image]) -> Float:
+    """(k,) sums of the squares of columns over the pixels of all views."""
+    return np.asarray(sum(np.square(columns).sum(axis=0, dtype=np.float64) for columns in by_view))
 
 
 def _column_sd(tested: Sequence[Candidate], groups: Sequence[Ints], scale: Float) -> Float:

@@ -46,11 +46,11 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
     chosen are fitted once more. In a moving session it takes all effects, since one that stands in for motion would move the cameras away.
     """
     give_back()
-    views, chain, evidence, wider_px = begun.views, begun.chain, begun.hand_over(), 0
+    views, chain, evidence = begun.views, begun.chain, begun.hand_over()
     limits = config.solve.joint
     check_fit(evidence, config.solve.start)
-    if any(smear(v.frame, v.limits.blur) == 0 for v in evidence) and _mixes(views, caster, chain, config):
-        wider_px = limits.mixed_px
+    wider_px = edges_wider_px(evidence, caster, chain, config)
+    if wider_px:
         del evidence  # Images of all views are most of a session's memory: those of one round go before the next.
         evidence = observe(views, caster, chain, config, footprints=False, wider_px=wider_px)
     quick = not moving(evidence)
@@ -62,11 +62,11 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
         del joint, store
         if quick and number == 0 and farthest(first, after, limits) > 1.0:
             # One more step of the chosen effects, so that all hypotheses are computed near the solution, once and not twice.
-            near = _as_recorded(observe(views, caster, after, config, footprints=False, wider_px=wider_px, lens=lens), late_s, lens)
+            near = as_recorded(observe(views, caster, after, config, footprints=False, wider_px=wider_px, lens=lens), late_s, lens)
             after = followed(members, near, after, config)
             del near
         seen = observe(views, caster, after, config, footprints=False, concavity=True, wider_px=wider_px, lens=lens)
-        joint, store = _linearised(_as_recorded(seen, late_s, lens), caster, after, config, left_out)
+        joint, store = _linearised(as_recorded(seen, late_s, lens), caster, after, config, left_out)
         joint = replace(joint, late_s=late_s)
         del seen
         if farthest(after, solution(joint)[0], limits) <= 1.0 and _alike(lens, lens_of(joint), views[0].camera, limits.lens_px):
@@ -98,8 +98,14 @@ def with_small(joint: Joint, config: GapConfig) -> Joint:
     return replace(joint, selection=narrowed(joint.design, config.select, joint.selection, joint.selection.fullest))
 
 
+def edges_wider_px(evidence: Sequence[ViewEvidence], caster: Raycaster, chain: Chain, config: GapConfig) -> int:
+    """Pixels by which the edges of still views are wider than usual: where they show mixed pixels, whose depth lies on neither surface."""
+    if all(smear(v.frame, v.limits.blur) > 0 for v in evidence):
+        return 0
+    return config.solve.joint.mixed_px if _mixes([v.view for v in evidence], caster, chain, config) else 0
+
+
 def _mixes(views: Sequence[View], caster: Raycaster, chain: Chain, config: GapConfig) -> bool:
-    """Whether edges show mixed pixels, whose depth lies on neither surface."""
     some = range(0, len(views), config.solve.joint.mixed_every)
     renderings = in_threads(lambda i: render(caster, views[i].camera, chain.pose(i)), some)
     return mixing(gather([views[i] for i in some], renderings, caster, config.evidence), config.missing) is not None
@@ -111,7 +117,7 @@ def _alike(one: Effect | None, other: Effect | None, stated: Camera, lens_px: fl
     return one is other or bool(np.abs(rays[0] - rays[1]).max() < lens_px * stated.pixel_angle)
 
 
-def _as_recorded(evidence: Sequence[ViewEvidence], late_s: float, lens: Effect | None) -> tuple[ViewEvidence, ...]:
+def as_recorded(evidence: Sequence[ViewEvidence], late_s: float, lens: Effect | None) -> tuple[ViewEvidence, ...]:
     """Evidence at the cameras' true times and with their true lens, but with the residual of the stated stamps and lens (first order)."""
     out = tuple(evidence)
     if late_s != 0.0:

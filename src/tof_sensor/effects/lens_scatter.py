@@ -14,17 +14,14 @@ from tof_sensor.action import ASIDE, FARTHER, NEARER
 from tof_sensor.effect import Effect, Finer, Form
 from tof_sensor.frame import LIGHT_M_PER_S, MODULATION
 from tof_sensor.session import NO_AMPLITUDE
+from tof_sensor.waves import sine_cosine
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
     from tof_core.arrays import Float, Ints
     from tof_sensor.frame import Frame
     from tof_sensor.session import Session
-
-    ComplexImage = NDArray[np.complex128]
 
 
 WIDTHS = (0.06, 0.2, 0.8)
@@ -81,10 +78,11 @@ class LensScatter(Effect):
         along = np.where(frame.valid, frame.radial, 0.0)
         out = np.zeros((len(pixels), len(WIDTHS)))
         for size_m, waves in self._terms(along[frame.valid]):
-            turn = np.exp(1j * waves * along)
-            sent, own = light * turn, turn.ravel()[pixels].conj()
+            sine, cosine = sine_cosine(waves / (2.0 * np.pi) * along)
+            sent, own_re, own_im = light * np.stack([cosine, sine]), cosine.ravel()[pixels], sine.ravel()[pixels]
             for column, width in zip(out.T, WIDTHS, strict=True):
-                column += size_m * np.imag(blurred(sent, width * frame.camera.width, pixels) * own)
+                re, im = blurred(sent, width * frame.camera.width).reshape(2, -1)[:, pixels]
+                column += size_m * (im * own_re - re * own_im)
         scale = np.where(frame.valid.ravel()[pixels], 1.0 / (dark * frame.length.ravel()[pixels]), 0.0)
         return out * scale[:, None]
 
@@ -116,30 +114,27 @@ class LensScatter(Effect):
             yield Form(cls(reach_m=reach), f"pulse or code of {reach:g} m")
 
 
-def blurred(own: ComplexImage, sigma: float, pixels: Ints) -> ComplexImage:
-    """Gaussian filter of `sigma` pixels, at chosen pixels (n,); wide filters use block means, interpolated between the blocks' centres."""
-    block = max(1, int(sigma / 4))
-    h, w = own.shape
-    rows = np.add.reduceat(own, np.arange(0, h, block), axis=0)
-    means = np.add.reduceat(rows, np.arange(0, w, block), axis=1) / block**2
-    coarse = _gauss(means.shape[0], sigma / block) @ means @ _gauss(means.shape[1], sigma / block)
-    v, u = np.divmod(pixels, w)
-    (above, below, down), (left, right, across) = _between(v, means.shape[0], block), _between(u, means.shape[1], block)
-    upper, lower = (coarse[row, left] * (1.0 - across) + coarse[row, right] * across for row in (above, below))
-    return np.asarray(upper * (1.0 - down) + lower * down)
+def blurred(images: Float, sigma: float) -> Float:
+    """(k, H, W) Gaussian filter of `sigma` pixels; wide filters use block means, interpolated between the blocks' centres."""
+    (down, up), (across, along) = (_filter(size, sigma) for size in images.shape[1:])
+    return np.asarray(up @ (down @ images @ across.T) @ along.T)
 
 
 @lru_cache(maxsize=32)
-def _gauss(size: int, sigma: float) -> Float:
-    """(size, size) Gaussian filter of a line of `size` samples, dark beyond its ends, cut off at three standard deviations; symmetric."""
-    reach = int(3.0 * sigma + 0.5)
-    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
-    apart = np.abs(np.subtract.outer(np.arange(size), np.arange(size)))
-    return np.where(apart <= reach, np.exp(-0.5 * (apart / sigma) ** 2) / weights.sum(), 0.0)
+def _filter(size: int, sigma: float) -> tuple[Float, Float]:
+    """The Gaussian filter of a line of `size` samples as (m, size), the filter of its m block means, and (size, m), their interpolation.
+
+    The line is dark beyond its ends; the filter is cut off at three standard deviations.
+    """
+    block = max(1, int(sigma / 4))
+    blocks, reach = -(-size // block), int(3.0 * sigma / block + 0.5)
+    apart = np.abs(np.subtract.outer(np.arange(blocks), np.arange(blocks)))
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) * block / sigma) ** 2)
+    gauss = np.where(apart <= reach, np.exp(-0.5 * (apart * block / sigma) ** 2) / weights.sum(), 0.0)
+    return gauss[:, np.arange(size) // block] / block, _interpolation(size, blocks, block)
 
 
-def _between(at: Ints, blocks: int, block: int) -> tuple[Ints, Ints, Float]:
-    """(n,), (n,), (n,) the two blocks between whose centres each place lies, and the weight of the second; constant beyond the outer centres."""
-    place = np.clip((at + 0.5) / block - 0.5, 0, blocks - 1)
-    low = np.minimum(place.astype(np.int64), max(blocks - 2, 0))
-    return low, np.minimum(low + 1, blocks - 1), place - low
+def _interpolation(size: int, blocks: int, block: int) -> Float:
+    """(size, blocks) weights of the two blocks between whose centres each sample lies; constant beyond the outer centres."""
+    place = np.clip((np.arange(size) + 0.5) / block - 0.5, 0, blocks - 1)
+    return np.maximum(1.0 - np.abs(np.subtract.outer(place, np.arange(blocks))), 0.0)

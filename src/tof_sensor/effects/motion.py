@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
 IN_TURN, OPPOSITE_FIRST = (0, 1, 2, 3), (0, 2, 1, 3)
 """Phase shift of each tap in quarter periods, in order of time; it depends on the maker."""
-EIGHTH = float(np.pi / 4)
-"""Phase in radians that turns the sine of twice the phase into its cosine."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +72,8 @@ class Motion(Effect):
             return np.zeros((len(pixels), len(self.LINEAR)))
         seen, wave = _passing(frame), 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
         order = OPPOSITE_FIRST if self.opposite_first else IN_TURN
-        errors = _taps(np.asarray(pixels, np.int64), *seen.images, wave, self.tap_s, order) / frame.length.ravel()[pixels, None]
+        along_ray = _taps(np.asarray(pixels, np.int64), seen.flow, seen.recedes, seen.moving, wave, self.tap_s, order)
+        errors = along_ray / frame.length.ravel()[pixels, None]
         return np.asarray(np.nan_to_num(np.concatenate([seen.deepens.ravel()[pixels, None], errors], axis=1)))
 
     @property
@@ -104,14 +103,16 @@ class Motion(Effect):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Passing:
-    """Change of a view's pixels by the camera's motion, each (H, W).
+    """Change of a view's pixels by the camera's motion.
 
-    deepens: rate of the pixel's depth, m/s of z; images: flow along columns and rows, pixels/s; range in metres and its rate at a moving
-    point, m/s; amplitude and its rate, per second.
+    deepens (H, W): rate of the pixel's depth, m/s of z; flow (H, W, 2): along columns and rows, pixels/s; recedes: rate of a moving point's
+    range, m/s; moving (H, W, 3): range in metres, amplitude, and the amplitude's rate per second.
     """
 
     deepens: Float
-    images: tuple[Float, Float, Float, Float, Float, Float]
+    flow: Float
+    recedes: Float
+    moving: Float
 
 
 @partial(once_per_frame, whole=True)
@@ -128,55 +129,54 @@ def _passing(frame: Frame) -> Passing:
     rate = np.divide(-(normal @ v), facing, out=np.zeros_like(facing), where=facing < 0) - 3 * recedes / radial
     light = np.nan_to_num(frame.amplitude)
     deepens = pose_columns(frame) @ frame.context.twist
-    return Passing(deepens, (*image_flow(frame), frame.radial, recedes, light, light * np.nan_to_num(rate)))
+    moving = np.stack([frame.radial, light, light * np.nan_to_num(rate)], axis=-1)
+    return Passing(deepens, np.stack(image_flow(frame), axis=-1), recedes, moving)
 
 
 @njit(cache=True, nogil=True)
-def _taps(
-    pixels: Ints,
-    along_u: Float,
-    along_v: Float,
-    radial: Float,
-    recedes: Float,
-    light: Float,
-    grows: Float,
-    wave: float,
-    tap_s: float,
-    order: tuple[int, int, int, int],
-) -> Float:
+def _taps(pixels: Ints, flow: Float, recedes: Float, moving: Float, wave: float, tap_s: float, order: tuple[int, int, int, int]) -> Float:
     """(n, 3) metres along the ray: the taps' error at both constants of their phase, and the addition to the first by unmodulated light.
 
-    The taps' phase is that of the distance, or `EIGHTH` beyond; unmodulated light equals modulated light.
+    flow (H, W, 2), recedes (H, W), moving (H, W, 3): see `Passing`. The taps' phase is that of the distance, or an eighth of a period
+    beyond; unmodulated light equals modulated light. Taps 0 and 2 of an order measure a phasor's real part, 1 and 3 its imaginary part.
     """
     out = np.empty((len(pixels), 3))
     for i in range(len(pixels)):
-        row, column = pixels[i] // light.shape[1], pixels[i] % light.shape[1]
-        bare, turned, lit = 0j, 0j, 0j
+        row, column = pixels[i] // recedes.shape[1], pixels[i] % recedes.shape[1]
+        bare_re, bare_im, turned_re, turned_im, lit_re, lit_im = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for place in range(4):
-            t, turn = (place - 1.5) * tap_s, order[place] * np.pi / 2
-            v, u = row - along_v[row, column] * t, column - along_u[row, column] * t
-            A = _at(light, v, u) + _at(grows, v, u) * t
-            phase = wave * (_at(radial, v, u) + recedes[row, column] * t) - turn
-            cosine, sine = A * np.cos(phase), A * np.sin(phase)
-            quarter = complex(np.cos(turn), np.sin(turn))
-            bare += quarter * cosine
-            turned += quarter * (cosine * np.cos(EIGHTH) - sine * np.sin(EIGHTH))
-            lit += quarter * (A + cosine)
-        own = wave * radial[row, column]
-        back = complex(np.cos(own), -np.sin(own))
-        out[i, 0] = np.angle(bare * back) / wave
-        out[i, 1] = np.angle(turned * back * complex(np.cos(EIGHTH), -np.sin(EIGHTH))) / wave
-        out[i, 2] = np.angle(lit * back) / wave - out[i, 0]
+            t, tap = (place - 1.5) * tap_s, order[place]
+            range_m, light, grows = _at(moving, row - flow[row, column, 1] * t, column - flow[row, column, 0] * t)
+            A, phase = light + grows * t, wave * (range_m + recedes[row, column] * t)
+            cosine, sine, sign = A * np.cos(phase), A * np.sin(phase), 1.0 if tap < 2 else -1.0
+            if tap % 2 == 0:
+                bare_re += cosine
+                turned_re += cosine - sine
+                lit_re += sign * A
+            else:
+                bare_im += sine
+                turned_im += cosine + sine
+                lit_im += sign * A
+        cosine, sine = np.cos(wave * moving[row, column, 0]), np.sin(wave * moving[row, column, 0])
+        out[i, 0] = _turn(bare_re, bare_im, cosine, sine) / wave
+        out[i, 1] = _turn(turned_re, turned_im, cosine - sine, cosine + sine) / wave
+        out[i, 2] = _turn(bare_re + lit_re, bare_im + lit_im, cosine, sine) / wave - out[i, 0]
     return out
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _at(image: Float, v: float, u: float) -> Any:
-    """Bilinear interpolation at row `v`, column `u`; beyond the border, the border's value."""
-    v, u = min(max(v, 0.0), image.shape[0] - 1.0), min(max(u, 0.0), image.shape[1] - 1.0)
+def _turn(re: float, im: float, from_re: float, from_im: float) -> Any:
+    """Radians from one phasor to another."""
+    return np.arctan2(im * from_re - re * from_im, re * from_re + im * from_im)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _at(images: Float, v: float, u: float) -> Any:
+    """Bilinear interpolation of three images (H, W, 3) at row `v`, column `u`; beyond the border, the border's values."""
+    v, u = min(max(v, 0.0), images.shape[0] - 1.0), min(max(u, 0.0), images.shape[1] - 1.0)
     top, left = int(v), int(u)
-    below, right = min(top + 1, image.shape[0] - 1), min(left + 1, image.shape[1] - 1)
+    below, right = min(top + 1, images.shape[0] - 1), min(left + 1, images.shape[1] - 1)
     y, x = v - top, u - left
-    upper = (1 - x) * image[top, left] + x * image[top, right]
-    lower = (1 - x) * image[below, left] + x * image[below, right]
-    return (1 - y) * upper + y * lower
+    a, b, c, d = (1 - y) * (1 - x), (1 - y) * x, y * (1 - x), y * x
+    p, q, r, s = images[top, left], images[top, right], images[below, left], images[below, right]
+    return a * p[0] + b * q[0] + c * r[0] + d * s[0], a * p[1] + b * q[1] + c * r[1] + d * s[1], a * p[2] + b * q[2] + c * r[2] + d * s[2]

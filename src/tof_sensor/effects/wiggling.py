@@ -14,6 +14,7 @@ from tof_sensor.action import FARTHER, NEARER
 from tof_sensor.curve import CurveEffect
 from tof_sensor.effect import Finer, Form, stack
 from tof_sensor.frame import LIGHT_M_PER_S
+from tof_sensor.waves import sine_cosine
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -91,9 +92,7 @@ class Wiggling(CurveEffect):
             return self.curve_columns(frame)
         camera, rays = frame.camera, frame.rays
         ahead = self.across_m * camera.fx / camera.width * rays[..., 0] + self.down_m * camera.fy / camera.height * rays[..., 1]
-        phase = 2 * np.pi * (frame.radial + ahead) / self.period_m
-        length = frame.length
-        return stack([np.sin(phase) / length, np.cos(phase) / length], frame)
+        return stack([wave / frame.length for wave in sine_cosine((frame.radial + ahead) / self.period_m)], frame)
 
     @classmethod
     def lacks(cls, session: Session) -> str:
