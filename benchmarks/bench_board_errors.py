@@ -138,9 +138,10 @@ def tables() -> list[Table]:
         table |= {"across/range": table["across"] / r, "down/range": table["down"] / r}
         wave = 4e6 * np.pi * 80.0 / LIGHT_M_PER_S
         measured = np.nan_to_num(np.where(np.isfinite(view.depth), view.depth, np.nanmedian(view.depth)) * frame.length)
-        light = np.nan_to_num(frame.amplitude) * np.exp(1j * wave * measured)
-        own = np.exp(-1j * wave * r) / A / wave
-        table |= {f"veil {s}": np.imag(blurred(light, float(s), seen) * own) for s in (4, 30, 100, 400)}
+        light = np.nan_to_num(frame.amplitude) * np.stack([np.cos(wave * measured), np.sin(wave * measured)])
+        for width in (4, 30, 100, 400):
+            re, im = blurred(light, float(width)).reshape(2, -1)[:, seen]
+            table[f"veil {width}"] = (im * np.cos(wave * r) - re * np.sin(wave * r)) / A / wave
         out.append(table)
     return out
 
