@@ -119,6 +119,11 @@ class ColumnSystem:
         """Metres: noise of a typical pixel."""
         return float(np.sqrt(self.pixels.sum() / self.weight.sum()))
 
+    def products(self, columns: Ints) -> Float:
+        """(k, k) weighted products of columns over all views: of coefficients x, x @ products @ x is the chi-square of their map."""
+        at = self.normal.shared - self.columns + columns
+        return np.asarray(self.normal.gram[:, at[:, None], at].sum(axis=0))
+
     def chosen(self, active: Ints, *, inflate: float = 1.0, free_hand: bool = False) -> Normal:
         """The normal equations with the columns `active` alone.
 

@@ -23,6 +23,7 @@ from tof_gap.solve.radial import gate
 from tof_gap.solve.stray import solve_agreeing
 from tof_gap.solved import Split
 from tof_gap.steps import FIRST, HELD_OUT, TOGETHER, UNEXPLAINED
+from tof_gap.tell.absent import absent
 from tof_gap.tell.account import account, without_causes
 from tof_gap.tell.contradicted import TakenOut, taken_out
 from tof_gap.tell.diagnosis import Diagnosis, doubted
@@ -96,21 +97,24 @@ def diagnose(
     split = dealt(joint.chain, config.solve)
     progress(HELD_OUT)
     read = partial(account, config=config, rng=rng, along_ray=along_ray, given=given, alone=few, left_out=left_out, stated=stated)
+    bounds = joint.bounds
     found, resembled = believed(joint, lambda chosen: read(conclude(chosen, views, caster, config, split, rng)), config)
     del joint, begun
     give_back()
     progress(UNEXPLAINED)
     unexplained = look(found, caster.scene, config.report, config.missing, resembled)
+    not_tested = too_few(len(views)) if few else untested(found, config, stated.law) | dict(untestable)
     return Diagnosis(
         verdict(found, unexplained, config.report),
         without_causes(found) if doubted(unexplained, config.report) else found,
         explainable(found.solved.evidence, found.figures.left(), split, found.gap, config.report.explainable),
         unexplained,
-        too_few(len(views)) if few else untested(found, config, stated.law) | dict(untestable),
+        not_tested,
         law_beside(found, config),
         config,
         described(unexplained_objects(world, recorded, found), caster.scene),
         stray,
+        absent(found, bounds, not_tested.keys() | left_out),
     )
 
 

@@ -38,6 +38,18 @@ class Named:
         return "|".join(sorted({self.name, *self.ties}))
 
 
+ANY_PART = -1
+"""The part of an effect of all parts."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """What an effect that is not named stays below: metres RMS over all drawn pixels, or over the pixels of its `part`."""
+
+    below_m: float
+    part: int = ANY_PART
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Split:
     """Indices of the views that coefficients are fitted to, and of the held-out views, on which every figure is stated.

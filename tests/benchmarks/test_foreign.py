@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections import Counter
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,11 +17,11 @@ import pytest
 from benchmarks.emerging.causes import CAUSES
 from benchmarks.gap_check.foreign.cases import NAMED, ROBOTS, SCENES, draw_foreign
 from benchmarks.gap_check.foreign.record import planned, record_foreign, shown
-from benchmarks.gap_check.foreign.score import ForeignRow, as_meant, judge, shrink_of, wrong_ones
+from benchmarks.gap_check.foreign.score import ForeignRow, _below, as_meant, judge, shrink_of, wrong_ones
 from benchmarks.gap_check.foreign.second import Promised
 from benchmarks.gap_check.foreign.second import table as table_of_promises
 from benchmarks.gap_check.foreign.separable import correlation, poses, separability
-from benchmarks.gap_check.foreign.table import figures, misses
+from benchmarks.gap_check.foreign.table import _bounded, figures, misses
 from benchmarks.gap_check.record import SEAL, digest
 from tof_core.config import to_mapping
 from tof_core.errors import ConfigError
@@ -167,6 +168,26 @@ def test_mixed_pixels_that_the_healthy_filter_removes_count_as_recorded() -> Non
     measured = depth + np.where(np.isfinite(healthy), 1e-3, 0.2)
     true = 1 - 15e-6 / (15e-6 + 0.04)
     assert shrink_of(arrays | {"measured": measured}, {"flying_pixels"}, [0], seen=seen) == pytest.approx(true)
+
+
+def test_the_size_of_an_effect_that_was_not_found_is_compared_with_its_bound() -> None:
+    part = np.zeros((1, 4, 4), int)
+    part[0, :, 2:] = 1
+    drift, skin = np.full((1, 4, 4), 2e-3), np.where(part == 1, 3e-3, 0.0)
+    drift[0, 0, 0] = np.nan
+    truth: Any = SimpleNamespace(arrays={"part": part}, bias={"temperature_drift": drift, "subsurface": skin, "noise": None}.get)
+    report = {
+        "absent": {
+            "temperature_drift": {"below_mm": 2.5, "part": None},
+            "subsurface": {"below_mm": 2.0, "part": "wall"},
+            "noise": None,
+        }
+    }
+    below = _below(report, truth, ("noise", "subsurface", "temperature_drift", "wiggling"))
+    assert [(name, mm) for name, mm, _ in below] == [("subsurface", 2.0), ("temperature_drift", 2.5)]
+    assert [true for _, _, true in below] == pytest.approx([3.0, 2.0])
+    row = ForeignRow("a", "pair", "s", "r", (), {}, (), False, "", (), True, 1.0, 1.0, below=below)
+    assert _bounded([row])[0].startswith("50 % (1 of 2;")
 
 
 # how verdicts are judged --------------------------------------------------------------------------

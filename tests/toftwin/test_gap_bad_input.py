@@ -20,7 +20,7 @@ from tof_gap.solve.candidates import not_testable
 from tof_scene.builtin import write_builtin
 from tof_sensor.registry import VOCABULARY, left_out
 from toftwin.cli import main
-from toftwin.commands.gap import EFFECTS, meaning_of
+from toftwin.commands.gap import EFFECTS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -100,19 +100,6 @@ def test_a_name_like_no_effect_s_is_refused_with_the_names_that_there_are() -> N
 
 def test_the_help_lists_every_effect_that_may_be_left_out() -> None:
     assert EFFECTS.split(", ") == list(VOCABULARY)
-
-
-@pytest.mark.parametrize(
-    ("verdict", "meaning"),
-    [
-        (("none",), " (camera and simulation agree to within the noise)"),
-        (("unknown",), " (a difference that no effect known here explains)"),
-        (("multipath", "unknown"), " (unknown: a difference that no effect known here explains)"),
-        (("multipath",), ""),
-    ],
-)
-def test_an_answer_that_is_no_effect_is_explained(verdict: tuple[str, ...], meaning: str) -> None:
-    assert meaning_of(verdict) == meaning
 
 
 def test_mixed_cameras_are_refused() -> None:

@@ -57,6 +57,8 @@ class ForeignRow:
     covered: bool | None = None
     label_mm: float | None = None
     confidence: tuple[tuple[str, float, bool], ...] = ()
+    below: tuple[tuple[str, float, float], ...] = ()
+    """Effects that the report has not found: name, what it says each stays below, and the true size, mm RMS."""
 
 
 def score_foreign(folder: Path) -> list[ForeignRow]:
@@ -77,7 +79,8 @@ def score_foreign(folder: Path) -> list[ForeignRow]:
 def _row(kept: dict[str, Any]) -> ForeignRow:
     tuples = ("truth", "verdict", "wrong")
     confidence = tuple((str(e), float(c), bool(r)) for e, c, r in kept["confidence"])
-    return ForeignRow(**kept | {k: tuple(kept[k]) for k in tuples} | {"confidence": confidence})
+    below = tuple((str(e), float(mm), float(true)) for e, mm, true in kept.get("below", ()))
+    return ForeignRow(**kept | {k: tuple(kept[k]) for k in tuples} | {"confidence": confidence, "below": below})
 
 
 def score_one(sealed: Path, bag: Path, out: Path) -> ForeignRow:
@@ -122,6 +125,7 @@ def score_one(sealed: Path, bag: Path, out: Path) -> ForeignRow:
         covered=covered,
         label_mm=_label(truth, maps, effects),
         confidence=tuple((c["effect"], c["confidence"], as_meant((c["effect"],), case["causes"])[0] in effects) for c in report["causes"]),
+        below=_below(report, truth, effects),
     )
 
 
@@ -213,6 +217,21 @@ def shrink_of(arrays: Mapping[str, Any], found: AbstractSet[str], held: Sequence
         mixed = (arrays["measured"] - arrays["depth"])[held][seen & ~np.isfinite(arrays["error_healthy"][held])]
         before += float(np.nansum(mixed.astype(float) ** 2))
     return 1 - after / max(before, 1e-12)
+
+
+def _below(report: dict[str, Any], truth: Truth, effects: tuple[str, ...]) -> tuple[tuple[str, float, float], ...]:
+    """The session's own effects that the report has not found and bounds; an effect of parts has the size that it has on one of them."""
+    out = []
+    for effect in effects:
+        bound, true = report.get("absent", {}).get(effect), truth.bias(effect)
+        if bound is None or true is None:
+            continue
+        square = np.where(np.abs(true) < SMOOTH_M, np.square(true), np.nan)
+        part = truth.arrays["part"]
+        seen = [part == k for k in np.unique(part[part >= 0])] if bound["part"] else [np.isfinite(square)]
+        size = max(float(np.nanmean(square[s])) for s in seen if np.isfinite(square[s]).any())
+        out.append((effect, float(bound["below_mm"]), 1e3 * float(np.sqrt(size))))
+    return tuple(out)
 
 
 def _measured(truth: Truth) -> Float:

@@ -41,6 +41,7 @@ def figures(rows: Sequence[ForeignRow]) -> list[tuple[str, str, str, str]]:
         _quantile("place of localised effects, AUROC, 10 % quantile", found, lambda r: r.place, 0.1, "0.85"),
         _quantile("stated shrink off the re-rendered one, points, 90 % quantile", found, _off, 0.9, "at most 5"),
         _held([r for r in found if r.covered is not None]),
+        ("an effect that was not found is smaller than the report's bound", *_bounded(found), "90 %"),
         # Labels have their bar in `--step labels`, through the lens found and less the common range offset.
         _quantile("depth at the poses found, stated lens, mm off, median", rows, lambda r: r.label_mm, 0.5, ""),
         _quantile("depth at the poses found, stated lens, mm off, 90 % quantile", rows, lambda r: r.label_mm, 0.9, ""),
@@ -53,6 +54,14 @@ def _held(rows: Sequence[ForeignRow]) -> tuple[str, str, str, str]:
     """Of the sessions that state a shrink, those whose interval holds the re-rendered one."""
     whole, part = (_share([bool(r.covered) for r in chosen]) for chosen in (rows, [r for r in rows if r.separable]))
     return "its 95 % interval holds the re-rendered shrink", whole, part, "92 to 98 %"
+
+
+def _bounded(rows: Sequence[ForeignRow]) -> tuple[str, str]:
+    """Of the effects that are there and were not found, those that are smaller than what the report says they stay below."""
+    whole, part = (
+        _share([true <= below for r in chosen for _, below, true in r.below]) for chosen in (rows, [r for r in rows if r.separable])
+    )
+    return whole, part
 
 
 def _off(row: ForeignRow) -> float | None:

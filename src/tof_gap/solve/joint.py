@@ -15,6 +15,7 @@ from tof_gap.seen.edges import smear
 from tof_gap.seen.mixed import mixing
 from tof_gap.seen.motion import moving
 from tof_gap.seen.residual import ViewEvidence, gather, without_geometry
+from tof_gap.solve.absent import bounds
 from tof_gap.solve.candidates import candidates
 from tof_gap.solve.columns import ColumnStore, build
 from tof_gap.solve.free import curves
@@ -79,8 +80,8 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
     free = curves(joint.views, joint.asked)
     design = build(store, [*joint.design.candidates, *finer, *free], joint.chain, config.hand_sd, config.lens_sd)
     del store  # Columns of all hypotheses take half a gigabyte in a long session; a selection needs only their products.
-    joint = replace(joint, design=design)
-    final = settled(replace(joint, selection=select(design, config.select, joint.selection.chosen.members)), config)
+    joint = replace(joint, design=design, selection=select(design, config.select, joint.selection.chosen.members))
+    final = replace(settled(joint, config), bounds=bounds(joint, config))
     return replace(final, views=tuple(map(without_geometry, final.views)))
 
 

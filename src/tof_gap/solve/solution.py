@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +12,7 @@ from tof_core import se3
 from tof_sensor.effects.intrinsics import Intrinsics
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from tof_align.chain import Chain
     from tof_core.arrays import Float
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from tof_gap.solve.candidate import Candidate
     from tof_gap.solve.columns import Design
     from tof_gap.solve.select import Selection
+    from tof_gap.solved import Bound
     from tof_sensor.effect import Effect
 
 
@@ -36,6 +37,8 @@ class Joint:
     """Lateness of the stamps in seconds that the chain's robot poses correct; the residuals still contain it."""
     asked: frozenset[str] = frozenset()
     """Names of the effects that the selection could choose: neither left out nor untestable. The design may hold the chosen ones alone."""
+    bounds: Mapping[str, Bound] = field(default_factory=dict)
+    """For effects that were tried and not chosen, what they stay below (`solve.absent`)."""
 
     @property
     def hand_eye(self) -> Float:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tof_gap.limits.report import ReportLimits
     from tof_gap.seen.finding import Finding
     from tof_gap.seen.residual import ViewEvidence
-    from tof_gap.solved import Solved, Split
+    from tof_gap.solved import Bound, Solved, Split
     from tof_gap.tell.account import Account, Cause
     from tof_gap.tell.shrink import Shrink
     from tof_gap.tell.unexplained import Unexplained
@@ -33,7 +33,8 @@ class Diagnosis:
     explainable: share of the gap that any model could explain, None without a gap; unexplained: what no named effect explains;
     not_testable: effects that the session cannot test, each with the reason; law: photon law of the noise that is not named,
     None where too few pixels show it; world: missing parts and foreign objects (`tof_scene.world.words.described`); stray: views
-    that contradict the robot and were left out.
+    that contradict the robot and were left out; absent: for each effect that was tested and not found, what it stays below (`tell.absent`),
+    None without a bound.
     """
 
     verdict: tuple[str, ...]
@@ -45,6 +46,7 @@ class Diagnosis:
     config: GapConfig
     world: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=lambda: {"missing": (), "foreign": ()})
     stray: tuple[int, ...] = ()
+    absent: Mapping[str, Bound | None] = field(default_factory=dict)
 
     @property
     def solved(self) -> Solved:

@@ -10,6 +10,7 @@ import numpy as np
 from tof_core.memory import give_back
 from tof_core.page import render_page
 from tof_gap.tell import pictures
+from tof_gap.tell.absent import absent_words
 from tof_gap.tell.kept import GROWS
 from tof_gap.tell.plant import course_of
 from tof_gap.tell.where import Bin
@@ -65,6 +66,8 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str, 
         small=small_words(content["small"], content.get("small_mm", {})),
         world=world,
         advice=content["advice"],
+        least_mm=d.config.select.least_mm,
+        absent=absent_words(d.absent, d.solved.caster.scene.names, d.config.select.least_mm),
         not_testable=content["not_testable"],
         split=content["split"],
         of_views=of_views,

@@ -16,6 +16,7 @@ from tof_core.memory import give_back
 from tof_gap.seen.finding import not_expected
 from tof_gap.seen.photons import variance_of_mean
 from tof_gap.seen.session import amplitude_unit
+from tof_gap.solved import ANY_PART
 from tof_gap.tell.plant import plant_words, to_dicts
 from tof_gap.tell.where import by_quantity, regions
 from tof_scene.topology import surface_regions
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float, Ints
     from tof_gap.seen.finding import Finding
+    from tof_gap.solved import Bound
     from tof_gap.tell.account import Cause
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_gap.tell.kept import Kept
@@ -68,6 +70,7 @@ def report(d: Diagnosis, caster: Raycaster, maps: list[Ints], advice: list[str],
             "small_mm": {name: 1e3 * size for name, size in sorted(d.solved.small_m.items())},
             "unexplained": asdict(d.unexplained),
             "world": d.world,
+            "absent": {name: None if bound is None else _bound(bound, caster.scene.names) for name, bound in d.absent.items()},
             "not_testable": d.not_testable,
             "pose": _pose(d),
             "advice": advice,
@@ -76,6 +79,10 @@ def report(d: Diagnosis, caster: Raycaster, maps: list[Ints], advice: list[str],
         | ({} if kept is None else {"promise": kept.to_dict()})
     )
     return content
+
+
+def _bound(bound: Bound, parts: Sequence[str]) -> dict[str, Any]:
+    return {"below_mm": 1e3 * bound.below_m, "part": None if bound.part == ANY_PART else parts[bound.part]}
 
 
 def _shrink(s: Shrink) -> dict[str, Any]:

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
-    from tof_gap.tell.account import Cause
     from tof_gap.tell.comparison import Against
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_scene.raycast import Raycaster
@@ -98,6 +97,7 @@ def run(args: argparse.Namespace) -> int:
     from tof_gap.tell.kept import kept
     from tof_gap.tell.page import write_page
     from tof_gap.tell.report import write
+    from tof_gap.tell.summary import summary
     from tof_sensor.model import load_model
     from tof_sensor.registry import left_out
     from toftwin.boarded import BoardSource, save_lens
@@ -131,7 +131,7 @@ def run(args: argparse.Namespace) -> int:
             *([] if compared is None else compared.lines()),
             *([] if learned is None else [worth(learned)]),
         ]
-        print("\n".join([summary(diagnosis), *(w["sentence"] for w in content["words"]), *lines, f"report: {page}"]))
+        print("\n".join([*summary(diagnosis), *(w["sentence"] for w in content["words"]), *lines, f"report: {page}"]))
     return 0
 
 
@@ -172,86 +172,3 @@ def worth(r: Retrained) -> str:
         f"learned repair of the held-out views: {r.raw_mm:.2f} mm raw, {r.without_mm:.2f} trained without {', '.join(r.effects)}, "
         f"{r.with_mm:.2f} trained with ({r.pixels:,} pixels)"
     )
-
-
-def meaning_of(verdict: Sequence[str]) -> str:
-    """Meaning of the verdicts `none` and `unknown`."""
-    if "unknown" in verdict:
-        return f" ({'unknown: ' * (len(verdict) > 1)}a difference that no effect known here explains)"
-    return " (camera and simulation agree to within the noise)" if "none" in verdict else ""
-
-
-def summary(d: Diagnosis) -> str:
-    """Summary of the diagnosis for a terminal."""
-    from tof_gap.seen.finding import not_expected
-    from tof_gap.tell.report import arm_errors, arm_prior
-    from tof_gap.tell.words import (
-        calibration_words,
-        doubt_words,
-        expected_words,
-        hand_eye_words,
-        interval,
-        percent,
-        small_words,
-        spaced,
-        unexplained_words,
-        untested_words,
-        where_to_look,
-    )
-    from tof_scene.world.words import lines as world_lines
-    from tof_scene.world.words import of_views
-
-    g = d.gap
-    agrees = d.verdict == ("none",)
-    lines = [
-        f"verdict: {', '.join(d.verdict)}{meaning_of(d.verdict)}",
-        f"gap, measured minus simulated depth: {g.above_mm(g.before):.2f} mm RMS above the noise of {g.floor_mm:.2f} mm, on views that took no part in the fit",
-    ]
-    if not agrees and d.verdict != ("unknown",):
-        rest = "" if d.unexplained.structured else ", without structure"
-        lines.append(f"with the named effects simulated: {g.above_mm(g.after):.2f} mm remain{rest}")
-        if g.off_edges_mm is not None:
-            lines.append("without pixels at edges, which cover two surfaces: {:.2f} mm, of which {:.2f} mm remain".format(*g.off_edges_mm))
-        if g.shrink is not None and g.ci95 is not None:
-            lines.append(f"the squared gap shrinks by {percent(g.shrink)}; the true effects would shrink it by {interval(g.ci95)}")
-    elif d.doubted and d.causes:
-        lines.append(doubt_words(d.unexplained.share, d.config.report.unexplained.doubt))
-    elif not agrees:
-        lines.append("no effect is certain enough to be simulated: the gap remains")
-    lines += [cause_line(c, d) for c in d.causes]
-    found = not_expected(d.findings)
-    lines += [f"  {f.name}: confidence {f.confidence:.2f}" + (f", {f.note}" if f.note and not f.size else "") for f in found]
-    lines += expected_words(d.findings)
-    if d.solved.small:
-        small = small_words(d.solved.small, {name: 1e3 * size for name, size in d.solved.small_m.items()})
-        lines.append(f"found, but within what a healthy camera or the stated calibration allows: {small}")
-    if d.chain.root is None:
-        seen, expected = ("{:.1f} mm and {:.2f} degrees".format(*of(d)) for of in (arm_errors, arm_prior))
-        lines.append(
-            f"errors of the arm from view to view: {seen} RMS over all axes ({expected} by align.priors.arm_mm and arm_deg, which --set changes to those of your arm)"
-        )
-        lines += [calibration_words(d.config.calibration), hand_eye_words(d.hand_eye)]
-    if d.unexplained.structured:
-        left = unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes))
-        suspects = [spaced(c.named.name) for c in d.causes if d.suspected(c)]
-        lines.append(f"unexplained: {left} To do: {where_to_look(d.unexplained.where, d.unexplained.depends_on, suspects)}")
-    lines += world_lines(d.world)
-    if d.stray:
-        lines.append(f"left out: {of_views(d.stray)}, whose depth fits the CAD only at poses where the arm cannot have been")
-    return "\n".join([*lines, *untested_words(d.not_testable)])
-
-
-def cause_line(c: Cause, d: Diagnosis) -> str:
-    """One effect of the solution: its confidence, and the share of the gap that it explains alone."""
-    from tof_gap.tell.words import percent
-
-    away = c.alone.off_edges
-    shrink, of_what = (c.alone.shrink, "the gap") if away is None else (away, "the gap away from edges")
-    if shrink is None:
-        alone = ""
-    elif shrink > 0:
-        alone = f"; alone it explains {percent(shrink)} of {of_what}"
-    else:
-        alone = f"; {of_what} shrinks by it only once the other effects are simulated too"
-    of = " that it is one of these" if "|" in c.named.verdict else ""
-    return f"  {c.named.verdict}{' (suspected)' if d.suspected(c) else ''}: confidence {d.confidence(c):.2f}{of}{alone}"
