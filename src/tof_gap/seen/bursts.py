@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_gap.seen.finding import CONFIDENT, Finding, most
-from tof_gap.seen.photons import least_mm, of_means, quiet_law, view_ratio
+from tof_gap.seen.photons import brightness, least_mm, of_means, quiet_law, view_ratio
+from tof_scene.world.words import of_views
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.noise import Noise
 
@@ -26,9 +27,9 @@ BURST_ROUNDS = 3
 
 
 def bursts(views: Sequence[ViewEvidence], b: NoiseBins, step: float, limits: NoiseLimits, *, exposed: bool) -> Finding | None:
-    """Noise of some views above that of the quiet ones, and above that of their brightness where exposure is automatic."""
+    """Noise of some views above that of the quiet ones; where exposure is automatic, above that of views as bright."""
     quiet = quiet_law(b, step, len(views), limits)
-    ratio = view_ratio(b, quiet, len(views), limits, exposed=exposed)
+    ratio = view_ratio(b, quiet, len(views), limits, brightness(views) if exposed else None)
     # A filter that stops at edges averages fewer pixels in some views than in others.
     hit = _stand_out(np.log(ratio), limits, limits.burst_filtered if views[0].correlation.correlated else limits.burst)
     several = hit.sum() > 1 or (hit.any() and ratio.max() > limits.alone)
@@ -58,7 +59,7 @@ def _burst(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit, hit: Mas
 
     None where the excess is less than is named of constant noise.
     """
-    note = f"{int(hit.sum())} of {len(views)} views hit"
+    note = f"{int(hit.sum())} of {len(views)} views hit ({of_views(np.flatnonzero(hit).tolist())})"
     in_hit = hit[b.view.astype(int)]
     excess = (b.variance - fitted.law.variance(b.amplitude, b.surroundings2))[in_hit]
     weak = (fitted.law.reference / b.amplitude[in_hit]) ** 2

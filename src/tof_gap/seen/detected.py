@@ -12,7 +12,7 @@ import numpy as np
 from tof_gap.seen.exposure import exposed
 from tof_gap.seen.finding import Finding
 from tof_gap.seen.lit_places import lit_places
-from tof_gap.seen.photons import as_captures_differ, binned, code_step, fit_law, variance_of_mean
+from tof_gap.seen.photons import as_captures_differ, binned, brightness, code_step, fit_law, variance_of_mean
 from tof_gap.seen.residual import single
 from tof_gap.seen.session import session_of
 from tof_gap.seen.whole_average import wholly_averaged
@@ -60,7 +60,7 @@ def judged(views: Sequence[ViewEvidence], limits: NoiseLimits, law: PhotonLaw | 
     bins = as_captures_differ(binned(views, limits.bins, limits), 0.0 if law is None else law.between)
     whole = wholly_averaged(bins, views[0].correlation)
     many = law is not None and len(bins.view) >= limits.least_bins
-    changes = many and exposed(bins, fit_law(bins, code_step(views), limits), limits)
+    changes = many and exposed(bins, fit_law(bins, code_step(views), limits), limits, brightness(views))
     return replace(session_of(views, limits, law=law), noise=whole, exposed=changes)
 
 

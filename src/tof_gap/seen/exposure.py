@@ -6,22 +6,28 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import stdtr
 
-from tof_gap.seen.photons import of_views, view_ratio
+from tof_gap.seen.photons import rises, trends
 
 if TYPE_CHECKING:
+    from tof_core.arrays import Float
     from tof_gap.limits.seen import NoiseLimits
     from tof_gap.seen.photons import LawFit
     from tof_sensor.session import NoiseBins
 
+LEAST_VIEWS = 4
+"""Views that show a dependence on brightness: three always lie near a line with a bend."""
+DEALS = 2000
+"""Random orders of the views: probabilities down to 1 in 2000 are told apart."""
+LEAST_RATIO = 1e-12
+"""Replaces 0 before a logarithm or a division."""
 GROUPS = 12
 """Groups of bins by amplitude, among which noise is compared."""
 
 
-def exposed(b: NoiseBins, fitted: LawFit, limits: NoiseLimits) -> bool:
-    """Whether exposure is automatic, or long and short exposures are merged."""
-    return _merged(b, limits) or _automatic(b, fitted, limits)
+def exposed(b: NoiseBins, fitted: LawFit, limits: NoiseLimits, bright: Float) -> bool:
+    """Whether exposure is automatic, or long and short exposures are merged; bright (V,): `brightness` of each view."""
+    return _merged(b, limits) or _automatic(b, fitted, limits, bright)
 
 
 def _merged(b: NoiseBins, limits: NoiseLimits) -> bool:
@@ -39,20 +45,27 @@ def _merged(b: NoiseBins, limits: NoiseLimits) -> bool:
     return bool((both > limits.exposure_rise * np.minimum.accumulate(level)[:-2]).any())
 
 
-def _automatic(b: NoiseBins, fitted: LawFit, limits: NoiseLimits) -> bool:
+def _automatic(b: NoiseBins, fitted: LawFit, limits: NoiseLimits, bright: Float) -> bool:
     """Whether views are noisier the brighter they are, at the same amplitude.
 
-    Automatic exposure shortens the exposure of a bright view. If the camera states amplitudes per exposure, fewer photons are behind the
-    same amplitude there. The noise then is no function of amplitude and range: neither its constant part nor that of a view can be
-    judged by the photon law. By rank correlation over views, which single noisy views hardly change.
+    Automatic exposure shortens the exposure of a bright view. If the camera states amplitudes per time, fewer photons are behind the same
+    amplitude there. The noise then is no function of amplitude and range: neither its constant part nor that of a view can be judged by
+    the photon law. Up to some brightness the exposure is the longest; beyond, ln variance rises with ln brightness. What such a rise
+    explains is compared with what it explains where the views' brightnesses are dealt at random.
     """
-    seen = np.unique(b.view.astype(int))
-    free = len(seen) - 2
-    if free < 1:
+    seen, view = np.unique(b.view.astype(int), return_inverse=True)
+    if len(seen) < LEAST_VIEWS:
         return False
-    noise, light = (
-        np.argsort(np.argsort(x[seen], kind="stable"), kind="stable")
-        for x in (view_ratio(b, fitted, int(seen[-1]) + 1, limits), of_views(b))
-    )
-    r = float(np.corrcoef(noise, light)[0, 1])
-    return bool(stdtr(free, -r * np.sqrt(free / max(1.0 - r**2, 1e-12))) < limits.exposure_chance)
+    of_view = np.eye(len(seen))[view]
+    base, _ = np.linalg.qr(trends(b, limits))
+    beside = of_view - base @ (base.T @ of_view)
+    products, with_noise = beside.T @ beside, beside.T @ np.log(np.maximum(fitted.ratio(b), LEAST_RATIO))
+
+    def explained(rise: Float) -> Float:
+        """(...) chi-square that the best of rises (..., views, knees) explains, 0 where noise falls with brightness."""
+        along, square = rise.swapaxes(-1, -2) @ with_noise, (rise * (products @ rise)).sum(axis=-2)
+        return np.asarray((np.maximum(along, 0.0) ** 2 / np.maximum(square, LEAST_RATIO)).max(axis=-1))
+
+    of_light = rises(np.log(bright[seen]))
+    dealt = np.random.default_rng(0).random((DEALS, len(seen))).argsort(axis=1)
+    return bool((1 + (explained(of_light[dealt]) >= explained(of_light)).sum()) / (1 + DEALS) < limits.exposure_chance)

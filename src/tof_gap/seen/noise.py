@@ -21,6 +21,7 @@ from tof_gap.seen.photons import (
     as_captures_differ,
     between_ratio,
     binned,
+    brightness,
     code_step,
     constant_map,
     constant_part,
@@ -118,7 +119,7 @@ def noise_effects(
     b = of_one_capture(without_offsets(b, near), np.array([v.view.captures for v in views], float), step, limits)
     b = as_captures_differ(b, between_ratio(b) if law is None else law.between)
     fitted = None if dark else fit_law(b, step, limits)
-    changes = fitted is not None and exposed(b, fitted, limits)
+    changes = fitted is not None and exposed(b, fitted, limits, brightness(views))
     hit = None if dark or patchy or {Interference.NAME, Noise.NAME} <= left_out else bursts(views, b, step, limits, exposed=changes)
     if hit is not None:
         return [] if hit.name in left_out else [hit]

@@ -26,6 +26,12 @@ if TYPE_CHECKING:
 
 ROUNDS = 4
 """Fits of the law, each without the outliers of the previous fit."""
+BRIGHTEST = 0.99
+"""Quantile of a view's amplitudes that automatic exposure keeps below the full well."""
+DARKEST = 1e-12
+"""Amplitude that replaces 0 before the logarithm is taken."""
+KNEES = (0.0, 0.25, 0.5, 0.75)
+"""Quantiles of the views' brightness up to which the exposure may be the longest."""
 QUIET_ROUNDS = 2
 """Fits of the quiet views' law, each to the views that are quiet by the previous fit."""
 
@@ -153,32 +159,46 @@ def constant_part(fitted: LawFit, step_m: float) -> float:
     return float(np.sqrt(max(fitted.law.floor_m**2 - step_m**2 / 12, 0.0)))
 
 
-def view_ratio(b: NoiseBins, fitted: LawFit, views: int, limits: NoiseLimits, *, exposed: bool = False) -> Float:
+def view_ratio(b: NoiseBins, fitted: LawFit, views: int, limits: NoiseLimits, bright: Float | None = None) -> Float:
     """(V,) median ratio of the variance of each view's bins to the law and to the usual trends over range and amplitude; 1 for a view without bins.
 
     The noise of a gated or pulsed camera depends on where in its gates the pulse arrives, and so on range as well as on amplitude.
     Far views may therefore be noisier without a burst, and dark ones where weak signals are noisier than by the law, as where two
-    frequencies hardly merge. So may bright ones where exposure is automatic (`exposed`).
+    frequencies hardly merge. So may bright ones where exposure is automatic: bright (V,) is each view's `brightness` then.
     """
     log = np.log(np.maximum(fitted.ratio(b), 1e-12))
-    columns = np.column_stack([_over_range(b, limits.burst_knots), _over(np.log(b.amplitude), limits.burst_knots)[:, 1:]])
-    if exposed:
-        columns = np.column_stack([columns, np.log(_brightest(b))])
+    columns = trends(b, limits)
     trend = columns @ least_deviations(columns, log, LN_AGREES)
+    if bright is not None:
+        view = b.view.astype(int)
+        rising = (np.column_stack([columns, rise[view]]) for rise in rises(np.log(bright)).T)
+        fits = [(X, least_deviations(X, log, LN_AGREES)) for X in rising]
+        trend = min([trend, *(X @ c for X, c in fits if c[-1] > 0.0)], key=lambda of: float(np.abs(log - of).sum()))
     ratio = np.exp(log - trend + np.median(trend))
     return np.array([np.median(ratio[b.view == i]) if (b.view == i).any() else 1.0 for i in range(views)])
 
 
-def of_views(b: NoiseBins) -> Float:
-    """(V,) amplitude of each view's brightest bin."""
-    brightest = np.zeros(int(b.view.max()) + 1)
-    np.maximum.at(brightest, b.view.astype(int), b.amplitude)
-    return brightest
+def brightness(views: Sequence[ViewEvidence]) -> Float:
+    """(V,) amplitude that the brightest pixels of each view exceed, by which cameras choose the exposure; 1 without amplitude.
+
+    Of the whole image: what stands before the CAD, such as a person's arm, shortens the exposure too.
+    """
+    out = np.ones(len(views))
+    for i, v in enumerate(views):
+        light = v.view.amplitude
+        if light is not None and np.isfinite(light).any():
+            out[i] = max(float(np.nanquantile(light, BRIGHTEST)), DARKEST)
+    return out
 
 
-def _brightest(b: NoiseBins) -> Float:
-    """(n,) amplitude of the brightest bin of each bin's view."""
-    return np.asarray(of_views(b)[b.view.astype(int)])
+def rises(light: Float) -> Float:
+    """(V, knees) how far each view's ln brightness (V,) lies above each of the knees up to which the exposure may be the longest."""
+    return np.maximum(light[:, None] - np.quantile(light, KNEES), 0.0)
+
+
+def trends(b: NoiseBins, limits: NoiseLimits) -> Float:
+    """(n, k) columns of the usual dependences of ln variance on range and on amplitude, beside a photon law."""
+    return np.column_stack([_over_range(b, limits.burst_knots), _over(np.log(b.amplitude), limits.burst_knots)[:, 1:]])
 
 
 def _over_range(b: NoiseBins, knots: int) -> Float:

@@ -246,7 +246,7 @@ def test_few_restless_pixels_are_noise() -> None:
 
 def test_views_that_scatter_everywhere_alike_are_noise_in_bursts() -> None:
     hit = np.isin(np.arange(VIEWS), (1, 4, 9))[:, None, None]
-    assert said(hit * rng().normal(0, 0.006, (VIEWS, *SHAPE))) == [("noise", "in bursts: 3 of 12 views hit")]
+    assert said(hit * rng().normal(0, 0.006, (VIEWS, *SHAPE))) == [("noise", "in bursts: 3 of 12 views hit (views 2, 5, 10)")]
 
 
 def test_offsets_of_pixels_make_no_burst_of_the_views_with_most_captures() -> None:
@@ -291,13 +291,24 @@ def exposed_automatically(bright: np.ndarray, spread: float = 0.05) -> NoiseBins
 def test_views_that_are_noisier_the_brighter_they_are_were_exposed_automatically() -> None:
     bright = rng().permutation(np.geomspace(1.0, 8.0, VIEWS))
     b = exposed_automatically(bright)
-    assert exposed(b, fit_law(b, 0.0, LIMITS), LIMITS)
+    assert exposed(b, fit_law(b, 0.0, LIMITS), LIMITS, bright)
     plain = replace(b, variance=0.001**2 * 5000.0 / b.amplitude)
-    assert not exposed(plain, fit_law(plain, 0.0, LIMITS), LIMITS), "the same law in all views"
-    assert not exposed(b.of(b.view < 2), fit_law(b.of(b.view < 2), 0.0, LIMITS), LIMITS), "two views show no dependence"
+    assert not exposed(plain, fit_law(plain, 0.0, LIMITS), LIMITS, bright), "the same law in all views"
+    assert not exposed(b.of(b.view < 2), fit_law(b.of(b.view < 2), 0.0, LIMITS), LIMITS, bright), "two views show no dependence"
     usual = view_ratio(b, fit_law(b, 0.0, LIMITS), VIEWS, LIMITS)
-    beside = view_ratio(b, fit_law(b, 0.0, LIMITS), VIEWS, LIMITS, exposed=True)
+    beside = view_ratio(b, fit_law(b, 0.0, LIMITS), VIEWS, LIMITS, bright)
     assert np.std(np.log(beside)) < 0.3 * np.std(np.log(usual))
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("bursts", [(), (0, 4, 7)])
+def test_a_burst_stands_out_of_views_as_bright_where_exposure_is_automatic(seed: int, bursts: tuple[int, ...]) -> None:
+    """Exposures that are shortened beyond the light of the fourth view, in order of brightness; the views of bursts by brightness."""
+    bright = np.random.default_rng(seed).permutation(np.geomspace(0.4, 8.0, VIEWS))
+    b, hit = exposed_automatically(np.maximum(bright, 1.0)), np.isin(np.argsort(np.argsort(bright)), bursts)
+    b = replace(b, variance=b.variance * np.where(hit, 3.0, 1.0)[b.view.astype(int)])
+    ratio = view_ratio(b, quiet_law(b, 0.0, VIEWS, LIMITS), VIEWS, LIMITS, bright)
+    assert ratio / np.median(ratio[~hit]) == pytest.approx(np.where(hit, 3.0, 1.0), rel=0.3)
 
 
 @pytest.mark.parametrize(("short", "merged"), [(1.0, False), (0.8, False), (0.4, True)])
@@ -308,7 +319,7 @@ def test_noise_that_rises_where_a_short_exposure_begins_is_of_merged_exposures(s
     variance *= rng().normal(1.0, 0.03, amplitude.shape)
     ones = np.ones_like(amplitude)
     b = NoiseBins(np.resize(np.arange(float(VIEWS)), amplitude.shape), amplitude, ones, ones, variance, 2000.0 * ones)
-    assert exposed(b, fit_law(b, 0.0, LIMITS), LIMITS) == merged
+    assert exposed(b, fit_law(b, 0.0, LIMITS), LIMITS, np.ones(VIEWS)) == merged
 
 
 def test_noise_under_automatic_exposure_is_no_effect() -> None:
