@@ -50,6 +50,7 @@ class Judge:
         ]
         self.design: Any = SimpleNamespace(
             candidates=candidates,
+            groups=tuple(np.array([i]) for i in range(len(candidates))),
             system=SimpleNamespace(pixels=np.full(4, 25.0), sigma=2e-3),
             without=lambda members, name: tuple(m for m in members if candidates[m].name != name),
         )

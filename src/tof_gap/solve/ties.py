@@ -14,8 +14,16 @@ if TYPE_CHECKING:
     from tof_sensor.effect import Effect
 
 
+FREE_FROM = 12
+"""Coefficients from which a form describes whatever a formula does; formulas have up to eight (a lens)."""
+
+
 def stand_ins(judge: Selector, current: Hypothesis, place: int) -> tuple[int, ...]:
-    """Candidates with other names that the data cannot distinguish from the member at `place`."""
+    """Candidates with other names that the data cannot distinguish from the member at `place`.
+
+    A field over the image or a curve is no rival of a formula that explains as much: what a lamp beside the lens does in two coefficients,
+    sixteen of a smooth field do as well, and would do of any other cause.
+    """
     d, config = judge.design, judge.config
     member = current.members[place]
     rest = [m for i, m in enumerate(current.members) if i != place]
@@ -24,6 +32,8 @@ def stand_ins(judge: Selector, current: Hypothesis, place: int) -> tuple[int, ..
     standing_in = judge.beside(rest, place, current.inflate)
     for i, candidate in enumerate(d.candidates):
         if candidate.name in taken or judge.is_free(i) or _contains(candidate.effect, d.candidates[member].name):
+            continue
+        if len(d.groups[i]) >= FREE_FROM > len(d.groups[member]):
             continue
         trial = standing_in(i)
         if trial.score - current.score > config.tie_gain or not judge.plausible(trial):

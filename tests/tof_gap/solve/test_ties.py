@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.tof_gap.scored import NOTHING, Judge, effect, hypothesis, named
@@ -115,6 +116,16 @@ def test_what_explains_nearly_as_much_in_its_place_is_a_tie(
 ) -> None:
     monkeypatch.setattr(ties_room, "_hides", lambda *_: True)
     judge: Any = Judge({"a": 500.0, "b": other}, **rest)
+    assert stand_ins(judge, hypothesis(judge, "a"), 0) == tied
+
+
+@pytest.mark.parametrize(("of_member", "of_other", "tied"), [(2, 16, ()), (2, 4, (1,)), (16, 41, (1,)), (8, 11, (1,)), (16, 2, (1,))])
+def test_a_field_of_many_coefficients_is_no_rival_of_a_formula(
+    monkeypatch: pytest.MonkeyPatch, of_member: int, of_other: int, tied: tuple[int, ...]
+) -> None:
+    monkeypatch.setattr(ties_room, "_hides", lambda *_: True)
+    judge: Any = Judge({"a": 500.0, "b": 500.0})
+    judge.design.groups = (np.arange(of_member), np.arange(of_other))
     assert stand_ins(judge, hypothesis(judge, "a"), 0) == tied
 
 
