@@ -31,11 +31,15 @@ if TYPE_CHECKING:
     from tof_gap.tell.diagnosis import Diagnosis
 
 
+UNKNOWN = "unknown"
+"""Verdict for what no effect explains: it stands behind the names."""
+
+
 def summary(d: Diagnosis) -> list[str]:
     """Lines of the verdict, the gap, its causes, the calibration, and what was not found, left out or not testable."""
     stray = [f"left out: {of_views(d.stray)}, whose depth fits the CAD only at poses where the arm cannot have been"] if d.stray else []
     return [
-        f"verdict: {', '.join(d.verdict)}{meaning_of(d.verdict)}",
+        f"verdict: {', '.join(sorted(d.verdict, key=lambda name: name == UNKNOWN))}{meaning_of(d.verdict)}",
         *_gap_lines(d),
         *_cause_lines(d),
         *_pose_lines(d),
@@ -49,7 +53,7 @@ def summary(d: Diagnosis) -> list[str]:
 
 def meaning_of(verdict: Sequence[str]) -> str:
     """Meaning of the verdicts `none` and `unknown`."""
-    if "unknown" in verdict:
+    if UNKNOWN in verdict:
         return f" ({'unknown: ' * (len(verdict) > 1)}a difference that no effect known here explains)"
     return " (camera and simulation agree to within the noise)" if "none" in verdict else ""
 
@@ -60,7 +64,7 @@ def _gap_lines(d: Diagnosis) -> list[str]:
     lines = [
         f"gap, measured minus simulated depth: {g.above_mm(g.before):.2f} mm RMS above the noise of {g.floor_mm:.2f} mm, on views that took no part in the fit"
     ]
-    if d.verdict not in (("none",), ("unknown",)):
+    if d.verdict not in (("none",), (UNKNOWN,)):
         rest = "" if d.unexplained.structured else ", without structure"
         lines.append(f"with the named effects simulated: {g.above_mm(g.after):.2f} mm remain{rest}")
         if g.off_edges_mm is not None:
@@ -105,8 +109,10 @@ def _pose_lines(d: Diagnosis) -> list[str]:
     if d.chain.root is not None:
         return []
     seen, expected = ("{:.1f} mm and {:.2f} degrees".format(*of(d)) for of in (arm_errors, arm_prior))
+    of_axis = f"{d.chain.priors.arm_mm:g} mm and {d.chain.priors.arm_deg:g} degrees an axis"
+    by_settings = f"{of_axis} by align.priors.arm_mm and arm_deg, which --set changes to those of your arm"
     return [
-        f"errors of the arm from view to view: {seen} RMS over all axes ({expected} by align.priors.arm_mm and arm_deg, which --set changes to those of your arm)",
+        f"errors of the arm from view to view: {seen} RMS over three axes, where the robot's prior expects {expected} ({by_settings})",
         calibration_words(d.config.calibration),
         hand_eye_words(d.hand_eye),
     ]
