@@ -114,7 +114,7 @@ def diagnose(
         config,
         described(unexplained_objects(world, recorded, found), caster.scene),
         stray,
-        absent(found, bounds, not_tested.keys() | left_out),
+        absent(found, bounds, {*not_tested, *left_out, *resembled}),
     )
 
 

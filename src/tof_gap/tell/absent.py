@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tof_gap.tell.account import Account
 
 
-def absent(found: Account, bounds: Mapping[str, Bound], untested: Container[str]) -> dict[str, Bound | None]:
+def absent(found: Account, bounds: Mapping[str, Bound], apart: Container[str]) -> dict[str, Bound | None]:
     """For each tested effect that neither the verdict nor the report's list of small effects has, what it stays below.
 
     None for effects that show in noise, loss or edges, and for those that the solution states itself (hand-eye, a calibrated lens).
@@ -24,12 +24,12 @@ def absent(found: Account, bounds: Mapping[str, Bound], untested: Container[str]
     Args:
         found: what was read off the solution.
         bounds: of the effects that were fitted and not chosen.
-        untested: names of effects that were not testable or not asked for.
+        apart: names of effects that were not testable, not asked for, or fitted and rejected.
     """
     shown = {*found.solved.small, *(f.name for f in found.findings)}
     for cause in found.causes:
         shown |= {cause.named.name, *cause.named.ties}
-    return {name: bounds.get(name) for name in VOCABULARY if name not in shown and name not in untested}
+    return {name: bounds.get(name) for name in VOCABULARY if name not in shown and name not in apart}
 
 
 def absent_words(bounds: Mapping[str, Bound | None], parts: Sequence[str], least_mm: float) -> list[str]:
