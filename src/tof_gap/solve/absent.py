@@ -29,7 +29,8 @@ def bounds(joint: Joint, config: GapConfig) -> dict[str, Bound]:
     named = {joint.design.candidates[m].name for m in chosen.members}
     out: dict[str, Bound] = {}
     for member, candidate in enumerate(joint.design.candidates):
-        bounded = candidate.effect is not None and candidate.name not in named and not judge.against_priors(member)
+        own = candidate.effect is not None and len(judge.design.groups[member]) > 0
+        bounded = own and candidate.name not in named and not judge.against_priors(member)
         if bounded and not judge.repeats(member, chosen.members):
             part = int(getattr(candidate.effect, "part", ANY_PART))
             one = Bound(_largest_m(judge, chosen, member) / float(np.sqrt(_share(joint, part))), part)
@@ -42,9 +43,10 @@ def _largest_m(judge: Selector, chosen: Hypothesis, member: int) -> float:
     members, group, system = (*chosen.members, member), judge.design.groups[member], judge.design.system
     solution = system.fit(judge.columns(members), inflate=chosen.inflate, free_hand=judge.frees_hand(members))
     own = slice(len(solution.theta) - len(group), None)
-    theta, spread = solution.theta[own], np.linalg.cholesky(solution.theta_cov[own, own])
-    products = system.products(group)
-    widest = np.linalg.eigvalsh(spread.T @ products @ spread)[-1]
+    theta, products = solution.theta[own], system.products(group)
+    energies, directions = np.linalg.eigh(products)
+    root = directions * np.sqrt(np.maximum(energies, 0.0))
+    widest = np.linalg.eigvalsh(root.T @ solution.theta_cov[own, own] @ root)[-1]
     chi = np.sqrt(max(float(theta @ products @ theta), 0.0)) + SURE * np.sqrt(max(float(widest), 0.0))
     return float(chi / np.sqrt(system.pixels.sum()) * system.sigma)
 
