@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 LEAST_VIEWS = 4
 """Views that show a dependence on brightness: three always lie near a line with a bend."""
 DEALS = 2000
-"""Random orders of the views: probabilities down to 1 in 2000 are told apart."""
+"""Random orders of the views: probabilities down to 1 in 2000 are measured."""
 LEAST_RATIO = 1e-12
 """Replaces 0 before a logarithm or a division."""
 GROUPS = 12
