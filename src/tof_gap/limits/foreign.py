@@ -26,6 +26,13 @@ class BeatLimits:
         8.0, "energy of the best wave over the median wave's", low=1.0, why="noise of rows contains all waves equally"
     )
     views: int = param(3, "views with stripes", low=1, why="one or two may be another kind of scene")
+    explains: float = param(
+        0.5,
+        "share of the error that neighbours have in common, in the views with stripes, that the stripes explain",
+        low=0.0,
+        high=1.0,
+        why="less than half is a part of another structure: 0.22 beside multipath that is too small to be named",
+    )
     cells: int = param(100, "cells of a view", low=20, why="the smooth field has ten terms")
     cosine: float = param(0.1, "least cosine of incidence", low=1e-3, high=1.0, why="grazing surfaces would outweigh all")
     ridge: float = param(1e-3, "ridge of the fitted waves, of the mean diagonal", low=0.0, why="neighbouring waves are nearly alike")

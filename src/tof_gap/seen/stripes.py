@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,7 +63,34 @@ def beat(views: Sequence[ViewEvidence], limits: BeatLimits) -> Beat | None:
     if len(phase) * abs(phase.mean()) ** 2 > limits.phase:
         return None  # The same wave in every view is the sensor's own pattern.
     sizes = [float(np.mean(stripes(v, turns, tilt, limits)[v.smooth] ** 2)) for v, h in zip(views, hit, strict=True) if h]
-    return Beat(float(turns), float(tilt), hit, float(np.sqrt(np.mean(sizes))))
+    found = Beat(float(turns), float(tilt), hit, float(np.sqrt(np.mean(sizes))))
+    return found if explained(views, found, limits) >= limits.explains else None
+
+
+def explained(views: Sequence[ViewEvidence], found: Beat, limits: BeatLimits) -> float:
+    """Share of the error that the neighbours in the hit views have in common, beside a cubic field, that the stripes explain.
+
+    Stripes that explain little are a part of another structure, such as an effect that is too small to be named, whose maps hold many waves.
+    """
+    common = removed = 0.0
+    for view in (v for v, hit in zip(views, found.hit, strict=True) if hit):
+        along = stripes(view, found.turns, found.tilt, limits) / view.frame.length
+        before, after = (_common(v, limits) for v in (view, replace(view, residual=view.residual - along)))
+        common, removed = common + max(before, 0.0), removed + before - after
+    return removed / max(common, 1e-12)
+
+
+def _common(view: ViewEvidence, limits: BeatLimits) -> float:
+    """Chi-square of the means over cells beside a cubic field, less what noise of single pixels makes of it."""
+    y, x, r, white = _cell_means(view, limits)
+    root = 1.0 / np.sqrt(white)
+    Q, _ = np.linalg.qr(_cubic(y, x) * root[:, None])
+    return float((beside(Q, r * root) ** 2).sum()) - len(r)
+
+
+def _cubic(y: Float, x: Float) -> Float:
+    """(n, 10) terms of a cubic field."""
+    return np.stack([y**i * x**j for i in range(4) for j in range(4 - i)], axis=1)
 
 
 def _cell_means(view: ViewEvidence, limits: BeatLimits) -> tuple[Float, Float, Float, Float]:
@@ -83,8 +110,7 @@ def _waves(view: ViewEvidence, limits: BeatLimits) -> NDArray[np.complex128]:
     if len(r) < limits.cells:
         return np.zeros(len(TURNS) * len(TILTS), complex)
     root = 1.0 / np.sqrt(white)
-    smooth = np.stack([y**i * x**j for i in range(4) for j in range(4 - i)], axis=1)
-    Q, _ = np.linalg.qr(smooth * root[:, None])
+    Q, _ = np.linalg.qr(_cubic(y, x) * root[:, None])
     e = beside(Q, r * root)
     rows, columns = (np.exp(2j * np.pi * k[:, None] * q) for k, q in ((TURNS, y), (TILTS, x)))
     # Cosine and sine over several periods are orthogonal, each with half of the sum of the weights.

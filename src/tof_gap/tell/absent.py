@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from tof_gap.solved import Bound
     from tof_gap.tell.account import Account
 
+ANY_SIZE_MM = 20.0
+"""Bounds beyond mean that poses or a named effect make the same error at any size: no bias of a camera is larger."""
+
 
 def absent(found: Account, bounds: Mapping[str, Bound], apart: Container[str]) -> dict[str, Bound | None]:
     """For each tested effect that neither the verdict nor the report's list of small effects has, what it stays below.
@@ -40,13 +43,17 @@ def absent_words(bounds: Mapping[str, Bound | None], parts: Sequence[str], least
     larger = sorted((name for name in mm if mm[name] > least_mm), key=lambda name: -mm[name])
     lines = []
     if larger:
-        most = ", ".join(f"{spaced(name)} (up to {mm[name]:.2g} mm{_where(bounds[name], parts)})" for name in larger)
+        most = ", ".join(f"{spaced(name)} ({_up_to(mm[name])}{_where(bounds[name], parts)})" for name in larger)
         lines.append(f"not found, but could hide behind noise, poses or the named effects: {most}")
     if below:
         lines.append(f"tested and not found, each below {least_mm:g} mm RMS: {', '.join(below)}")
     if others:
         lines.append(f"tested and not found: {', '.join(others)}")
     return lines
+
+
+def _up_to(mm: float) -> str:
+    return "of any size" if mm > ANY_SIZE_MM else f"up to {mm:.1f} mm"
 
 
 def _where(bound: Bound | None, parts: Sequence[str]) -> str:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, SIGMA_M, VIEWS, rendering, views
 from tof_gap.limits.seen import EvidenceLimits, LevelLimits, NoiseLimits
@@ -18,6 +19,7 @@ from tof_gap.seen.noise import noise_effects, without_offsets
 from tof_gap.seen.photons import binned, fit_law, own_law, quiet_law, view_ratio
 from tof_gap.seen.residual import gather
 from tof_gap.seen.stereo import like_stereo
+from tof_gap.seen.stripes import Beat, beat, explained
 from tof_gap.solve.candidates import not_testable
 from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.noise import Noise
@@ -371,6 +373,16 @@ def test_stripes_in_some_views_are_interference() -> None:
     seen = list(views(rng(), wave))
     seen[1] = replace(seen[1], smooth=np.zeros(SHAPE, bool))
     assert [f.name for f in noise_effects(seen, LIMITS)] == ["interference"], "beside a view that sees nothing"
+
+
+@pytest.mark.parametrize(("structure_m", "explain"), [(0.001, True), (0.006, False)])
+def test_stripes_that_are_a_small_part_of_another_structure_are_none(structure_m: float, *, explain: bool) -> None:
+    """Stripes of 2.8 mm RMS in five views, beside an error of many waves in all."""
+    field = gaussian_filter(rng().standard_normal((VIEWS, *SHAPE)), (0, 3, 3))
+    seen = views(rng(), in_some_views(0.004) + structure_m * field / field.std())
+    hit = np.isin(np.arange(VIEWS), (0, 2, 3, 7, 8))
+    assert (explained(seen, Beat(8.0, 0.0, hit, 0.0028), LIMITS.beat) > LIMITS.beat.explains) == explain
+    assert (beat(seen, LIMITS.beat) is not None) == explain
 
 
 @pytest.mark.parametrize(("left_m", "name"), [(0.0015, ["interference"]), (0.0035, [])])
