@@ -61,11 +61,15 @@ def _automatic(b: NoiseBins, fitted: LawFit, limits: NoiseLimits, bright: Float)
     beside = of_view - base @ (base.T @ of_view)
     products, with_noise = beside.T @ beside, beside.T @ np.log(np.maximum(fitted.ratio(b), LEAST_RATIO))
 
-    def explained(rise: Float) -> Float:
-        """(...) chi-square that the best of rises (..., views, knees) explains, 0 where noise falls with brightness."""
-        along, square = rise.swapaxes(-1, -2) @ with_noise, (rise * (products @ rise)).sum(axis=-2)
-        return np.asarray((np.maximum(along, 0.0) ** 2 / np.maximum(square, LEAST_RATIO)).max(axis=-1))
+    def explained(rise: Float) -> tuple[Float, Float]:
+        """(..., knees) chi-square that rises (..., views, knees) explain, 0 where noise falls with brightness, and d ln variance / d ln brightness."""
+        along, square = rise.swapaxes(-1, -2) @ with_noise, np.maximum((rise * (products @ rise)).sum(axis=-2), LEAST_RATIO)
+        return np.maximum(along, 0.0) ** 2 / square, along / square
 
     of_light = rises(np.log(bright[seen]))
+    found, slope = explained(of_light)
+    if slope[np.argmax(found)] < limits.exposure_slope:
+        return False
     dealt = np.random.default_rng(0).random((DEALS, len(seen))).argsort(axis=1)
-    return bool((1 + (explained(of_light[dealt]) >= explained(of_light)).sum()) / (1 + DEALS) < limits.exposure_chance)
+    by_chance = explained(of_light[dealt])[0].max(axis=-1) >= found.max()
+    return bool((1 + by_chance.sum()) / (1 + DEALS) < limits.exposure_chance)

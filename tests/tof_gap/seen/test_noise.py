@@ -313,6 +313,14 @@ def test_a_burst_stands_out_of_views_as_bright_where_exposure_is_automatic(seed:
     assert ratio / np.median(ratio[~hit]) == pytest.approx(np.where(hit, 3.0, 1.0), rel=0.3)
 
 
+@pytest.mark.parametrize(("slope", "automatic"), [(1.0, True), (0.15, False)])
+def test_noise_that_hardly_rises_with_brightness_is_of_a_fixed_exposure(slope: float, *, automatic: bool) -> None:
+    bright = rng().permutation(np.geomspace(1.0, 8.0, VIEWS))
+    b = exposed_automatically(bright, spread=0.01)
+    b = replace(b, variance=b.variance * (bright ** (slope - 1.0))[b.view.astype(int)])
+    assert exposed(b, fit_law(b, 0.0, LIMITS), LIMITS, bright) == automatic
+
+
 @pytest.mark.parametrize(("short", "merged"), [(1.0, False), (0.8, False), (0.4, True)])
 def test_noise_that_rises_where_a_short_exposure_begins_is_of_merged_exposures(short: float, *, merged: bool) -> None:
     """Pixels above four times the median amplitude are taken from an exposure that collects the share `short` of the photons."""
