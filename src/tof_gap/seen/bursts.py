@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_gap.seen.finding import CONFIDENT, Finding, most
-from tof_gap.seen.photons import brightness, least_mm, of_means, quiet_law, view_ratio
+from tof_gap.seen.photons import least_mm, of_means, quiet_law, view_ratio
 from tof_scene.world.words import of_views
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.noise import Noise
@@ -26,10 +26,13 @@ BURST_ROUNDS = 3
 """Rounds in which views that do not stand out from the quiet ones join them."""
 
 
-def bursts(views: Sequence[ViewEvidence], b: NoiseBins, step: float, limits: NoiseLimits, *, exposed: bool) -> Finding | None:
-    """Noise of some views above that of the quiet ones; where exposure is automatic, above that of views as bright."""
+def bursts(views: Sequence[ViewEvidence], b: NoiseBins, step: float, limits: NoiseLimits, bright: Float | None) -> Finding | None:
+    """Noise of some views above that of the quiet ones; where exposure is automatic, above that of views as bright.
+
+    bright: (V,) `brightness` of each view where exposure is automatic, else None.
+    """
     quiet = quiet_law(b, step, len(views), limits)
-    ratio = view_ratio(b, quiet, len(views), limits, brightness(views) if exposed else None)
+    ratio = view_ratio(b, quiet, len(views), limits, bright)
     # A filter that stops at edges averages fewer pixels in some views than in others.
     hit = _stand_out(np.log(ratio), limits, limits.burst_filtered if views[0].correlation.correlated else limits.burst)
     several = hit.sum() > 1 or (hit.any() and ratio.max() > limits.alone)

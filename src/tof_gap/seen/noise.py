@@ -119,8 +119,13 @@ def noise_effects(
     b = of_one_capture(without_offsets(b, near), np.array([v.view.captures for v in views], float), step, limits)
     b = as_captures_differ(b, between_ratio(b) if law is None else law.between)
     fitted = None if dark else fit_law(b, step, limits)
-    changes = fitted is not None and exposed(b, fitted, limits, brightness(views))
-    hit = None if dark or patchy or {Interference.NAME, Noise.NAME} <= left_out else bursts(views, b, step, limits, exposed=changes)
+    bright = brightness(views)
+    changes = fitted is not None and exposed(b, fitted, limits, bright)
+    hit = (
+        None
+        if dark or patchy or {Interference.NAME, Noise.NAME} <= left_out
+        else bursts(views, b, step, limits, bright if changes else None)
+    )
     if hit is not None:
         return [] if hit.name in left_out else [hit]
     if Noise.NAME in left_out:

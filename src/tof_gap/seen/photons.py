@@ -12,6 +12,7 @@ from scipy.optimize import nnls
 
 from tof_core.stats import by_group, hats, least_deviations, robust_std, second_differences, trimmed_std
 from tof_gap.seen.finding import most
+from tof_gap.seen.level import DARK
 from tof_gap.seen.residual import single
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.session import LN_AGREES, NoiseBins
@@ -28,8 +29,6 @@ ROUNDS = 4
 """Fits of the law, each without the outliers of the previous fit."""
 BRIGHTEST = 0.99
 """Quantile of a view's amplitudes that automatic exposure keeps below the full well."""
-DARKEST = 1e-12
-"""Amplitude that replaces 0 before the logarithm is taken."""
 KNEES = (0.0, 0.25, 0.5, 0.75)
 """Quantiles of the views' brightness up to which the exposure may be the longest."""
 QUIET_ROUNDS = 2
@@ -187,7 +186,7 @@ def brightness(views: Sequence[ViewEvidence]) -> Float:
     for i, v in enumerate(views):
         light = v.view.amplitude
         if light is not None and np.isfinite(light).any():
-            out[i] = max(float(np.nanquantile(light, BRIGHTEST)), DARKEST)
+            out[i] = max(float(np.nanquantile(light, BRIGHTEST)), DARK)
     return out
 
 

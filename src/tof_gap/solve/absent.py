@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_gap.solve.judge import Selector
+from tof_gap.solve.worth import rms_m
 from tof_gap.solved import ANY_PART, Bound
 
 if TYPE_CHECKING:
@@ -47,8 +48,8 @@ def _largest_m(judge: Selector, chosen: Hypothesis, member: int) -> float:
     energies, directions = np.linalg.eigh(products)
     root = directions * np.sqrt(np.maximum(energies, 0.0))
     widest = np.linalg.eigvalsh(root.T @ solution.theta_cov[own, own] @ root)[-1]
-    chi = np.sqrt(max(float(theta @ products @ theta), 0.0)) + SURE * np.sqrt(max(float(widest), 0.0))
-    return float(chi / np.sqrt(system.pixels.sum()) * system.sigma)
+    estimate, deviation = rms_m(system, [theta @ products @ theta, widest])
+    return float(estimate + SURE * deviation)
 
 
 def _share(joint: Joint, part: int) -> float:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from tof_align.columns import ColumnFit
+    from tof_align.columns import ColumnFit, ColumnSystem
     from tof_core.arrays import Float
     from tof_gap.solve.judge import Hypothesis, Selector
 
@@ -35,8 +35,12 @@ def worth(judge: Selector, current: Hypothesis) -> tuple[Float, Float]:
 
 def visible_m(judge: Selector, current: Hypothesis, chi2: ArrayLike) -> Float:
     """Held-out chi-square as metres RMS over all pixels."""
-    system = judge.design.system
-    return np.asarray(np.sqrt(np.maximum(np.asarray(chi2) * current.inflate, 0.0) / system.pixels.sum()) * system.sigma)
+    return rms_m(judge.design.system, np.asarray(chi2) * current.inflate)
+
+
+def rms_m(system: ColumnSystem, chi2: ArrayLike) -> Float:
+    """Chi-square of a map over the drawn pixels as metres RMS over all pixels; 0 where it is negative."""
+    return np.asarray(np.sqrt(np.maximum(chi2, 0.0) / system.pixels.sum()) * system.sigma)
 
 
 def coefficients(judge: Selector, hypothesis: Hypothesis, solution: ColumnFit, place: int) -> Float:
