@@ -58,7 +58,7 @@ class ForeignRow:
     label_mm: float | None = None
     confidence: tuple[tuple[str, float, bool], ...] = ()
     below: tuple[tuple[str, float, float], ...] = ()
-    """Effects that the report has not found: name, what it says each stays below, and the true size, mm RMS."""
+    """Biases that the verdict does not name: name, what the report states that each stays below (0 without), and the true size, mm RMS."""
 
 
 def score_foreign(folder: Path) -> list[ForeignRow]:
@@ -220,12 +220,14 @@ def shrink_of(arrays: Mapping[str, Any], found: AbstractSet[str], held: Sequence
 
 
 def _below(report: dict[str, Any], truth: Truth, effects: tuple[str, ...]) -> tuple[tuple[str, float, float], ...]:
-    """The session's own effects that the report has not found and bounds; an effect of parts has the size that it has on one of them."""
-    out = []
+    """The session's own biases that the verdict does not name, 0 for one without a bound; one of parts has the size that it has on one of them."""
+    named, out = {n for v in report.get("verdict", ()) for n in v.split("|")}, []
     for effect in effects:
-        bound, true = report.get("absent", {}).get(effect), truth.bias(effect)
-        if bound is None or true is None:
+        true = truth.bias(effect)
+        if true is None or effect in named:
             continue
+        # The report does not decide what is counted: an overlooked effect without a bound is not below it.
+        bound = report.get("absent", {}).get(effect) or {"below_mm": 0.0, "part": None}
         square = np.where(np.abs(true) < SMOOTH_M, np.square(true), np.nan)
         part = truth.arrays["part"]
         seen = [part == k for k in np.unique(part[part >= 0])] if bound["part"] else [np.isfinite(square)]
