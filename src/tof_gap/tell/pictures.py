@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 INK, PALE, BEFORE, AFTER = PALETTE["ink"], PALETTE["neutral"], PALETTE["contrast"], PALETTE["accent"]
 
 
+TICKS = 4
+"""Most intervals between ticks of a small plot."""
 NAMED = 9
 """Parts whose names stand on the map: those with most of its pixels."""
 GAP_COLOURS = "RdBu_r"
@@ -100,7 +102,7 @@ def how_far(d: Diagnosis) -> str:
     gap = d.gap
     rows = [(f"gap {when}", mm, colour) for when, mm, colour in zip(("before", "after"), gap.shown_mm, (BEFORE, AFTER), strict=True)]
     rows += [(f"only {c.named.name.replace('_', ' ')}", c.alone.shown_mm[1], PALE) for c in d.causes]
-    figure, ((ax,),) = axes(6.2, 0.45 * len(rows) + 1.0)
+    figure, ((ax,),) = axes(6.2, 0.45 * len(rows) + 0.5, gaps_in=(0.0, 0.0))
     ax.axvspan(0.0, gap.floor_mm, color=PALETTE["wash"], zorder=0)
     ax.axvline(gap.floor_mm, color=PALE, linestyle="--", linewidth=1, zorder=1)
     ax.barh([r[0] for r in rows], [r[1] for r in rows], color=[r[2] for r in rows], height=0.6, zorder=2)
@@ -183,7 +185,7 @@ def by_quantity(bins: dict[str, list[Bin]]) -> tuple[str, str]:
     if not known:
         return "", ""
     top = 1.4 * max(*(abs(x.bias_mm) for _, b in known for x in b), float(np.median([x.floor_mm for x in known[0][1]])))
-    figure, ((ax,),) = axes(7.5, 2.9)
+    figure, ((ax,),) = axes(7.0, 2.5, gaps_in=(0.0, 0.0))
     _curve(ax, *known[0], top)
     ax.set_ylabel("mean gap, mm")
     main = figure_uri(figure)
@@ -191,10 +193,11 @@ def by_quantity(bins: dict[str, list[Bin]]) -> tuple[str, str]:
         return main, ""
     columns, rest = 3, known[1:]
     rows = -(-len(rest) // columns)
-    figure, grid = axes(11, 2.1 * rows, rows, columns, sharey=True)
+    figure, grid = axes(10.5, 2.1 * rows - 0.4, rows, columns, gaps_in=(0.2, 0.5), sharey=True)
     for ax in grid.ravel()[len(rest) :]:
         ax.axis("off")
     for ax, (name, b) in zip(grid.ravel(), rest, strict=False):
+        ax.locator_params(nbins=TICKS)
         _curve(ax, name, b, top)
         ax.tick_params(labelsize=8)
     grid[0][0].set_ylabel("mean gap, mm")

@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from tof_sensor.effect import Effect
 
 SCHEMA = "toftwin.gap/1"
+FAST = 1
+"""Level of compression of the maps: noise does not shrink, and what is the same everywhere shrinks at any level."""
 
 
 def region_maps(diagnosis: Diagnosis, caster: Raycaster) -> list[Ints]:
@@ -252,7 +254,7 @@ def _save_maps(file: Path, d: Diagnosis, regions: Sequence[Ints]) -> None:
         **{f.name: partial(np.asarray, f.share, np.float32) for f in d.findings if f.share is not None},
         **{name: partial(_seen_share, d.residual, share) for name, share in d.shares.items()},
     }
-    with ZipFile(file, "w", ZIP_DEFLATED) as archive:
+    with ZipFile(file, "w", ZIP_DEFLATED, compresslevel=FAST) as archive:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
                 np.lib.format.write_array(entry, array(), allow_pickle=False)
