@@ -106,7 +106,7 @@ def axes(
     from matplotlib.figure import Figure
 
     mpl.rcParams.update(_STYLE)
-    figure = Figure(figsize=(width, height), layout="constrained" if gaps_in is None else "none")
+    figure = Figure(figsize=(width, height), layout="constrained" if gaps_in is None else None)
     if gaps_in is not None:  # `figure_uri` cuts to what is drawn: the margin around takes no room.
         across, down = (gap / ((size - (n - 1) * gap) / n) for gap, size, n in zip(gaps_in, (width, height), (columns, rows), strict=True))
         figure.subplots_adjust(left=0.0, right=1.0, bottom=0.0, top=1.0, wspace=across, hspace=down)
