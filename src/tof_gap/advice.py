@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_align.folds import deal
 from tof_core import se3
 from tof_core.shares import in_percent
 from tof_gap.seen.edges import edge_band
 from tof_gap.solve.candidate import HAND_EYE, Candidate
-from tof_gap.solve.columns import ColumnStore, build
+from tof_gap.solve.columns import build, stored
 from tof_scene.render import render
 from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.frame import ideal_frame
@@ -65,7 +64,7 @@ def visible_share(d: Diagnosis, caster: Raycaster, one: Candidate, two: Candidat
         extra = [_imagined(views[i], caster, action) for i in chosen]
         chain = _longer(chain, chosen, [v.rendering.T_cell_camera for v in extra])
         views += extra
-    store = ColumnStore(views, deal(chain.station.tolist(), d.config.select.folds))
+    store = stored(views, chain, d.config.select.folds)
     design = build(store, [one, two], chain, d.config.hand_sd)
     system, (target, beside) = design.system, design.groups
     coefficients = np.ones(len(target))

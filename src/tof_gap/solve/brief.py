@@ -7,12 +7,10 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from tof_align.folds import deal
 from tof_gap.seen.motion import moving
 from tof_gap.solve.candidates import candidates
-from tof_gap.solve.columns import ColumnStore, build
 from tof_gap.solve.joint import as_recorded, edges_wider_px, solve
-from tof_gap.solve.judge import Selector
+from tof_gap.solve.settle import judge_of
 from tof_gap.solve.solution import lens_of, solution
 from tof_gap.solve.start import Start, observe
 from tof_gap.solve.worth import rescored
@@ -62,8 +60,7 @@ def shows_motion(joint: Joint, views: Sequence[View], caster: Raycaster, config:
     forms = candidates(seen, caster.scene, config.noise, frozenset(VOCABULARY) - {Motion.NAME}, stated_mhz=config.stated_mhz)
     if not forms:
         return False
-    store = ColumnStore(seen, deal(chain.station.tolist(), config.select.folds))
-    judge = Selector(build(store, [*found, *forms], chain, config.hand_sd, config.lens_sd), config.select)
+    judge = judge_of([*found, *forms], seen, chain, config)
     now = rescored(judge, range(len(found)))
 
     def best(rest: Sequence[int]) -> float:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_align.columns import ColumnSystem, Priors
+from tof_align.folds import deal
 from tof_core.cores import in_blocks, in_threads
 from tof_gap.seen.areas import area_maps_of_others
 from tof_gap.seen.motion import moving
@@ -116,6 +117,11 @@ LENS_COLUMNS = 4
 """Columns of `intrinsics` that a calibration states: fx, fy, cx, cy."""
 PINNED_SD = np.repeat([3e-3, np.radians(0.2)], 3)
 """Standard deviation (metres, radians) of a moving session's base about its pose by edges, which motion blur shifts by millimetres."""
+
+
+def stored(views: Sequence[ViewEvidence], chain: Chain, folds: int) -> ColumnStore:
+    """The columns of views whose stations are the chain's, dealt into `folds`."""
+    return ColumnStore(views, deal(chain.station.tolist(), folds))
 
 
 LENS = Candidate(Intrinsics.NAME, Intrinsics())

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_align.folds import deal
 from tof_core.cores import in_threads
 from tof_core.memory import give_back
 from tof_gap.seen.edges import smear
@@ -17,7 +16,7 @@ from tof_gap.seen.motion import moving
 from tof_gap.seen.residual import ViewEvidence, gather, without_geometry
 from tof_gap.solve.absent import bounds
 from tof_gap.solve.candidates import candidates
-from tof_gap.solve.columns import ColumnStore, build
+from tof_gap.solve.columns import build, stored
 from tof_gap.solve.free import curves
 from tof_gap.solve.select import narrowed, select
 from tof_gap.solve.settle import followed, settled
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
     from tof_core.camera import Camera
     from tof_core.capture import View
     from tof_gap.config import GapConfig
+    from tof_gap.solve.columns import ColumnStore
     from tof_gap.solve.start import Start
     from tof_scene.raycast import Raycaster
     from tof_sensor.effect import Effect
@@ -136,7 +136,7 @@ def _linearised(
     quick: bool = False,
 ) -> tuple[Joint, ColumnStore]:
     """A selection among all hypotheses, linearised at one chain, and its columns."""
-    store = ColumnStore(evidence, deal(chain.station.tolist(), config.select.folds))
+    store = stored(evidence, chain, config.select.folds)
     tested = candidates(evidence, caster.scene, config.noise, left_out, quick=quick, stated_mhz=config.stated_mhz)
     design = build(store, tested, chain, config.hand_sd, config.lens_sd)
     asked = frozenset(c.name for c in design.candidates)

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_align.folds import deal
 from tof_gap.seen.residual import drawn
-from tof_gap.solve.columns import ColumnStore, build
+from tof_gap.solve.columns import build, stored
 from tof_gap.solve.judge import Selector
 from tof_gap.solve.select import Selection
 from tof_gap.solve.worth import rescored
@@ -25,11 +24,15 @@ if TYPE_CHECKING:
     from tof_gap.solve.solution import Joint
 
 
+def judge_of(candidates: Sequence[Candidate], views: Sequence[ViewEvidence], chain: Chain, config: GapConfig) -> Selector:
+    """The judge of a few hypotheses, linearised at `chain` and `views`."""
+    store = stored(views, chain, config.select.folds)
+    return Selector(build(store, candidates, chain, config.hand_sd, config.lens_sd), config.select)
+
+
 def followed(members: Sequence[Candidate], views: Sequence[ViewEvidence], chain: Chain, config: GapConfig) -> Chain:
     """The chain after one more step of the same hypothesis, linearised at `chain` and `views`: a selection of all hypotheses takes ten times as long."""
-    store = ColumnStore(views, deal(chain.station.tolist(), config.select.folds))
-    design = build(store, members, chain, config.hand_sd, config.lens_sd)
-    judge = Selector(design, config.select)
+    judge = judge_of(members, views, chain, config)
     return judge.fit(rescored(judge, range(len(members)))).moved(chain)
 
 
@@ -43,10 +46,9 @@ def settled(joint: Joint, config: GapConfig) -> Joint:
     denser = sum(len(v.pixels) for v in views) / max(sum(len(v.pixels) for v in joint.views), 1)
     chosen, ties = joint.selection.chosen, joint.selection.ties
     kept = list(dict.fromkeys([*chosen.members, *joint.selection.fullest, *(other for of_one in ties for other in of_one)]))
-    store = ColumnStore(views, deal(joint.chain.station.tolist(), config.select.folds))
-    design = build(store, [joint.design.candidates[m] for m in kept], joint.chain, config.hand_sd, config.lens_sd)
     # An error that neighbours share covers more of the drawn pixels, by the ratio of their density.
-    judge = Selector(design, replace(config.select, neighbours=config.select.neighbours * denser))
+    dense = replace(config, select=replace(config.select, neighbours=config.select.neighbours * denser))
+    judge = judge_of([joint.design.candidates[m] for m in kept], views, joint.chain, dense)
     members = [kept.index(m) for m in chosen.members]
     final = rescored(judge, members)
     selection = Selection(
@@ -58,4 +60,4 @@ def settled(joint: Joint, config: GapConfig) -> Joint:
         tuple(kept.index(m) for m in joint.selection.suspected),
         tuple(kept.index(m) for m in joint.selection.fullest),
     )
-    return replace(joint, views=views, design=design, selection=selection)
+    return replace(joint, views=views, design=judge.design, selection=selection)

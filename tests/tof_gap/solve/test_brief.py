@@ -109,11 +109,11 @@ def shows(monkeypatch: pytest.MonkeyPatch, beside: float, instead: dict[int, flo
         return lambda i: SimpleNamespace(score=best + 50.0 * (i - 2))  # candidates 2, 3, ... are the forms of motion
 
     judge = SimpleNamespace(beside=scores, gain=lambda i: {2: GAIN}[i])
-    for name in ("solution", "lens_of", "as_recorded", "build", "ColumnStore", "observe"):
+    for name in ("solution", "lens_of", "as_recorded", "observe"):
         monkeypatch.setattr(brief, name, lambda *_, **__: (SimpleNamespace(station=np.zeros(2)), 0.0))
     monkeypatch.setattr(brief, "edges_wider_px", lambda *_: 0)
     monkeypatch.setattr(brief, "candidates", lambda *_, **__: [SimpleNamespace(name="motion")] * forms)
-    monkeypatch.setattr(brief, "Selector", lambda *_: judge)
+    monkeypatch.setattr(brief, "judge_of", lambda *_: judge)
     monkeypatch.setattr(brief, "rescored", lambda *_: SimpleNamespace(members=(0, 1), score=NOW, inflate=1.5))
     caster: Any = SimpleNamespace(scene=None)
     return brief.shows_motion(joint("time_sync", "wiggling"), (), caster, CONFIG)
