@@ -156,11 +156,16 @@ def dropout(
     light, seen = of_all(by_cad), of_all(_amplitude)
     loss = loss_of(gone, seen, light, of_all(lambda v: v.frame.radial), part, limits.loss)
     random = float(gone[light > np.median(light)].mean())
-    edges, rates = _by_light(light, gone, limits)
-    predicted = (
-        (v, _rate(v, own, rates[np.searchsorted(edges, by_cad(v), side="right")], limits))
-        for v, own in zip(views, losses.share, strict=True)
-    )
+    apart = loss.parts if loss.goes_with is GoesWith.PARTS else ()
+    others = ~np.isin(part, apart)
+    edges, rates = _by_light(light[others], gone[others], limits)
+
+    def alike(v: ViewEvidence) -> Float:
+        """(H, W) share that pixels of the same light lose; on parts that are set apart, pixels of these parts."""
+        by_light = rates[np.searchsorted(edges, by_cad(v), side="right")]
+        return np.where(np.isin(v.rendering.part, apart), loss.share_on, by_light)
+
+    predicted = ((v, 0.5 * (alike(v) + _around(v, own, apart, limits))) for v, own in zip(views, losses.share, strict=True))
     share = np.stack([single(np.where(v.frame.valid, rate, np.nan)) for v, rate in predicted])
     half = _lost_below(light, gone, limits.half_lost, limits)
     threshold, steepness = curve(light, gone) if loss.goes_with is GoesWith.LIGHT else (half, Dropout().steepness)
@@ -214,11 +219,14 @@ def _by_light(light: Float, gone: Float, limits: MissingLimits) -> tuple[Float, 
     return edges[1:-1], np.bincount(which, gone, bins) / np.maximum(np.bincount(which, minlength=bins), 1)
 
 
-def _rate(view: ViewEvidence, lost_here: Float, by_light: Float, limits: MissingLimits) -> Float:
-    """(H, W) predicted share of loss: mean of the shares at this amplitude, `by_light` (H, W), and in this neighbourhood."""
-    inside = expected(view, limits).astype(float)
-    cover = np.maximum(uniform_filter(inside, limits.near_px), LEAST_COVER)
-    return np.asarray(0.5 * (by_light + uniform_filter(lost_here, limits.near_px) / cover))
+def _around(view: ViewEvidence, lost_here: Float, apart: Sequence[int], limits: MissingLimits) -> Float:
+    """(H, W) share of loss around each pixel; on parts that are set `apart`, of pixels on these parts alone."""
+    inside, on = expected(view, limits), np.isin(view.rendering.part, apart)
+    out = np.zeros(inside.shape)
+    for side in (on, ~on):
+        cover = np.maximum(uniform_filter((inside & side).astype(float), limits.near_px), LEAST_COVER)
+        out[side] = (uniform_filter(np.where(side, lost_here, 0.0), limits.near_px) / cover)[side]
+    return out
 
 
 def _lost_below(light: Float, gone: Float, share: float, limits: MissingLimits) -> float:

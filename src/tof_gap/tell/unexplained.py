@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from tof_gap.seen.filtered import removed_for_noise
+from tof_gap.seen.filtered import filtered, removed_for_noise
 from tof_gap.seen.finding import not_expected
 from tof_gap.seen.lost import brightest, expected, lost
 from tof_gap.seen.lost_by_pixel import lost_by_pixels
@@ -237,14 +237,18 @@ def by_part(views: Sequence[ViewEvidence], maps: Iterable[Float], parts: int) ->
 
 
 def _lost_pixels(found: Account, parts: int, missing: MissingLimits) -> Float:
-    """(parts,) lost pixels of each part; zeros where they are few, or where `dropout`, a noise, or a pattern that a filter stops at is named."""
+    """(parts,) lost pixels of each part; zeros where they are few, or where `dropout`, a noise, or a pattern that a filter stops at is named.
+
+    Where `phase_wrap` is named, a filter in the camera removes pixels beside those that jump: its holes do not count.
+    """
     views = found.solved.bare
     if any(f.name == Dropout.NAME or f.effect.makes_outliers for f in found.findings):
         return np.zeros(parts)
     if FixedPattern.NAME in found.solved.maps and lost_by_pixels(views, missing):
         return np.zeros(parts)
     too_bright = brightest(views, missing)
-    removed = removed_for_noise(views, missing)
+    wraps = any(f.name == PhaseWrap.NAME for f in found.findings)
+    removed = filtered(views, missing) if wraps else removed_for_noise(views, missing)
     gone = by_part(views, (np.where(r, 0.0, lost(v, missing, too_bright)) for v, r in zip(views, removed, strict=True)), parts)
     inside = sum(int(expected(v, missing).sum()) for v in views)
     return gone if gone.sum() > missing.lost_share * inside else np.zeros(parts)

@@ -39,6 +39,13 @@ def test_a_dark_surface_at_the_same_place_in_every_view_is_lost_for_its_light() 
     assert not lost_by_pixels(lossy, LIMITS, [np.where(dark, 0.9, 0.0)] * len(lossy))
 
 
+def test_a_few_dead_pixels_do_not_make_other_loss_one_by_pixels() -> None:
+    dead = np.zeros(SHAPE, bool)
+    dead[:: SHAPE[0] - 1, :: SHAPE[1] - 1] = True
+    assert lost_by_pixels(session(lambda *_: dead), LIMITS), "they are all that is lost"
+    assert not lost_by_pixels(session(lambda _, rng: dead | (rng.random(SHAPE) < 0.01)), LIMITS)
+
+
 def test_few_views_do_not_show_it() -> None:
     steep = np.random.default_rng(2).random(SHAPE) < 0.1
     assert not lost_by_pixels(session(lambda *_: steep)[:1], LIMITS)

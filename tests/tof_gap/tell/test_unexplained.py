@@ -12,6 +12,7 @@ import pytest
 
 from tests.tof_gap import two_walls
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tests.tof_gap.seen import test_filtered
 from tests.tof_gap.two_walls import mean
 from tof_core.config import updated
 from tof_core.reasons import Reason
@@ -310,6 +311,17 @@ def test_lost_pixels_that_nothing_names_are_unexplained_where_they_are() -> None
     # The same pixels in every view: a filter in the camera stops at the steps of a pattern that is named.
     beside_pattern = account(lacking, left_over(0.0), maps={"fixed_pattern": ()})
     assert not look(beside_pattern, parts(8), ReportLimits(), MissingLimits()).structured
+
+
+def test_holes_of_a_filter_beside_wrapped_pixels_are_explained() -> None:
+    """Outliers in weak light that a filter removed with their neighbours; beside another effect, they are lost pixels without a name."""
+    lossy = tuple(test_filtered.session(test_filtered.outliers_in_weak_light))
+    wraps, other = Finding(PhaseWrap(start_m=1.0, share=1.0), 1.0), Finding(RangeOffset(), 1.0)
+    structured = [
+        look(account(lossy, left_over(0.0), findings=(named,)), parts(1), ReportLimits(), MissingLimits()).structured
+        for named in (wraps, other)
+    ]
+    assert structured == [False, True]
 
 
 @pytest.mark.parametrize(("firmware", "depends_on"), [(mean, ("edge_px",)), (np.asarray, ())])
