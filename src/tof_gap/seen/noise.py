@@ -23,6 +23,7 @@ from tof_gap.seen.photons import (
     binned,
     brightness,
     code_step,
+    constant_beside_range,
     constant_map,
     constant_part,
     fit_law,
@@ -153,13 +154,13 @@ def _noise(
 ) -> list[Finding]:
     """Noise of one capture that is not in the photon law: a constant part, noise of whole rows or columns, noise of single pixels."""
     least = max(1e-3 * least_mm(near, limits), limits.extra_share * _typical(b))
-    excess = 0.0 if fitted is None else constant_part(fitted, code_step(views))
+    step, floor_std = code_step(views), 0.0 if fitted is None else fitted.floor_std
+    constant = (0.0, 0.0) if fitted is None else (constant_part(fitted, step), constant_beside_range(b, step, limits))
     # Constant offsets of single pixels are a fixed pattern, but second differences contain them as noise (`without_offsets`).
     pattern_m = float(np.sqrt(min(v.view.captures for v in views))) * pixel_pattern(near)
-    excess = float(np.sqrt(max(excess**2 - pattern_m**2, 0.0)))
-    floor_std = 0.0 if fitted is None else fitted.floor_std
+    excess, certain = (float(np.sqrt(max(of**2 - pattern_m**2, 0.0))) for of in constant)
     parts = _lines(views, _typical(b), 0.0, limits)
-    if excess > max(least, limits.extra_sigma * floor_std):
+    if min(excess, certain) > max(least, limits.extra_sigma * floor_std):
         parts.insert(0, Part(EVERYWHERE, excess))
     return _named([*parts, *_pixels(views, limits)], views, floor_std)
 

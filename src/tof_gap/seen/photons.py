@@ -114,8 +114,11 @@ class LawFit:
         return np.asarray(b.variance / np.maximum(self.law.variance(b.amplitude, b.surroundings2), 1e-14))
 
 
-def fit_law(b: NoiseBins, step_m: float, limits: NoiseLimits) -> LawFit:
-    """Photon law by non-negative least squares on relative errors; the variance of the depth code's own step is known."""
+def fit_law(b: NoiseBins, step_m: float, limits: NoiseLimits, *, floor: bool = True) -> LawFit:
+    """Photon law by non-negative least squares on relative errors; the variance of the depth code's own step is known.
+
+    floor: whether noise may have a constant part.
+    """
     reference = float(np.median(b.amplitude))
     ratio = reference / b.amplitude
     own = step_m**2 / 12
@@ -126,7 +129,7 @@ def fit_law(b: NoiseBins, step_m: float, limits: NoiseLimits) -> LawFit:
     target = np.maximum(b.variance - own, 0.0)
     weight = np.sqrt(b.samples / 2) / np.maximum(usual, 1e-12)
     keep, c, log = np.ones(len(target), bool), np.zeros(4), np.zeros(len(target))
-    X = np.stack([np.ones_like(ratio), ratio, ratio * b.surroundings2, ratio**2], axis=1)
+    X = np.stack([np.full_like(ratio, floor), ratio, ratio * b.surroundings2, ratio**2], axis=1)
     for _ in range(ROUNDS):
         c, _ = nnls(X[keep] * weight[keep, None], target[keep] * weight[keep])
         log = np.log(np.maximum(b.variance, 1e-14) / np.maximum(X @ c + own, 1e-14))
@@ -156,6 +159,19 @@ def over_law(b: NoiseBins, law: PhotonLaw) -> float:
 def constant_part(fitted: LawFit, step_m: float) -> float:
     """Metres: standard deviation of the noise at infinite amplitude, less that of the depth code's step."""
     return float(np.sqrt(max(fitted.law.floor_m**2 - step_m**2 / 12, 0.0)))
+
+
+def constant_beside_range(b: NoiseBins, step_m: float, limits: NoiseLimits) -> float:
+    """Metres: `constant_part` of the noise that a smooth factor over range leaves.
+
+    A factory table that straightens the camera's wave stretches noise at some ranges and shrinks it at others. Where near surfaces are
+    the bright ones, that looks like noise at every amplitude.
+    """
+    columns = _over_range(b, limits.burst_knots)
+    log = np.log(np.maximum(fit_law(b, step_m, limits, floor=False).ratio(b), 1e-12))
+    factor = columns @ least_deviations(columns, log, LN_AGREES)
+    level = replace(b, variance=b.variance * np.exp(np.median(factor) - factor))
+    return constant_part(fit_law(level, step_m, limits), step_m)
 
 
 def view_ratio(b: NoiseBins, fitted: LawFit, views: int, limits: NoiseLimits, bright: Float | None = None) -> Float:
