@@ -150,6 +150,13 @@ class LineLimits:
     sigma: float = param(
         8.0, "standard errors of the lines' excess variance", low=0.0, why="neighbouring differences overlap: as 5.7 of independent ones"
     )
+    shared: float = param(
+        0.5,
+        "noise that quarters of a line have in common which are not adjacent, over the least noise that is named",
+        low=0.0,
+        high=1.0,
+        why="noise of rows in nine sessions: 1.1 and more; rims and creases in 25 healthy sessions: 0.37 at most",
+    )
     most_ratio: float = param(
         12.0, "cap of one line's variance ratio", low=1.0, why="one line must not decide; lowers the mean of chi-square by 0.2 %"
     )

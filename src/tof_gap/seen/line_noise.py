@@ -19,16 +19,25 @@ if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
 
 
+QUARTERS = 4
+"""Parts of a line that are compared with each other."""
+APART = (0, 2), (0, 3), (1, 3)
+"""Those that are not adjacent."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class LineNoise:
     """Noise that whole rows (axis 1) or columns (axis 0) share.
 
-    size_m: standard deviation in metres along the ray; sigma: its significance, the excess over white noise in standard errors.
+    size_m: standard deviation in metres along the ray; sigma: its significance, the excess over white noise in standard errors;
+    shared_m: standard deviation that quarters of a line have in common which are not adjacent. Errors of a surface, such as the rim of an
+    object, are in one place of a line; noise of the read-out may change its sign with the phase, so that quarters share less of it.
     """
 
     axis: int
     size_m: float
     sigma: float
+    shared_m: float
 
 
 def line_noise(views: Sequence[ViewEvidence], axis: int, limits: LineLimits) -> LineNoise:
@@ -41,7 +50,9 @@ def line_noise(views: Sequence[ViewEvidence], axis: int, limits: LineLimits) -> 
     of = views[0].correlation
     found = [_in_common(views, axis, limits, step) for step in of.steps]
     size2 = of.variance([size2 for size2, _ in found])
-    return LineNoise(axis, float(np.sqrt(max(size2, 0.0))), max(sigma for _, sigma in found))
+    shared2 = of.variance([_shared2(views, axis, limits, step) for step in of.steps])
+    size_m, shared_m = (float(np.sqrt(max(m2, 0.0))) for m2 in (size2, shared2))
+    return LineNoise(axis, size_m, max(sigma for _, sigma in found), shared_m)
 
 
 def line_noise_by_view(views: Sequence[ViewEvidence], axis: int, limits: LineLimits) -> Float:
@@ -62,6 +73,28 @@ def _in_common(views: Sequence[ViewEvidence], axis: int, limits: LineLimits, ste
         return 0.0, 0.0
     ratio = np.minimum((change2 / white)[seen], limits.most_ratio)
     return _beyond(change2, white), float((ratio - 1).sum() / np.sqrt(2 * len(ratio)))
+
+
+def _shared2(views: Sequence[ViewEvidence], axis: int, limits: LineLimits, step: int) -> float:
+    """m^2: covariance, over views and lines, of the mean second differences of quarters of a line that are not adjacent."""
+    mean = np.stack([_quarter_means(v, axis, limits, step) for v in views])
+    seen = np.isfinite(mean)
+    number = seen.sum(axis=0)
+    seen &= number >= limits.views
+    off = np.where(seen, mean - np.where(seen, mean, 0.0).sum(axis=0) / np.maximum(number, 1), np.nan)
+    cap2 = limits.most_ratio * float(np.median(off[seen] ** 2)) / CHI2_MEDIAN if seen.any() else 0.0
+    products = np.concatenate([(off[:, one] * off[:, other]).ravel() for one, other in APART])
+    known = products[np.isfinite(products)]
+    return float(np.clip(known, -cap2, cap2).mean()) if len(known) else 0.0
+
+
+def _quarter_means(view: ViewEvidence, axis: int, limits: LineLimits, step: int) -> Float:
+    """(4, L) mean second difference across lines `step` apart, of each quarter of a line; NaN where it has too few pixels."""
+    d2 = second_differences(np.where(view.smooth, view.residual * view.frame.length, np.nan), 1 - axis, step)
+    quarters = np.array_split(d2, QUARTERS, axis=axis)
+    count = np.stack([np.isfinite(q).sum(axis=axis) for q in quarters])
+    total = np.stack([np.where(np.isfinite(q), q, 0.0).sum(axis=axis) for q in quarters])
+    return np.where(count >= limits.pixels // 2, total / np.maximum(count, 1), np.nan)
 
 
 def _changes(views: Sequence[ViewEvidence], axis: int, limits: LineLimits, step: int) -> tuple[Float, Float]:

@@ -185,7 +185,8 @@ def _noisy_lines(views: Sequence[ViewEvidence], typical_m: float, least_m: float
     """Noise of rows and of columns where that of one capture exceeds `least_m` and a share of the `typical_m` noise of pixels, both in metres."""
     least = max(limits.line_mm * 1e-3, limits.line_share * typical_m, least_m)
     found = (line_noise(views, axis, limits.lines) for axis in (1, 0))
-    return [of for of in found if of.sigma > limits.lines.sigma and over_mean(views) * of.size_m > least]
+    over, lines = over_mean(views), limits.lines
+    return [of for of in found if of.sigma > lines.sigma and over * of.size_m > least and over * of.shared_m > lines.shared * least]
 
 
 def lines_found(views: Sequence[ViewEvidence], limits: NoiseLimits) -> list[LineNoise]:
