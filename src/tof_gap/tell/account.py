@@ -210,7 +210,7 @@ def _findings(solved: Solved, config: GapConfig, stated: StatedNoise, left_out: 
         if not (removed_outliers(f, [*light, *uneven, *gone], config.missing.filter) or (by_filter and f.name == Dropout.NAME))
     )
     uneven = [replace(f, expected=True) if stated.includes(f.effect) else f for f in uneven]
-    return (*(f for f in light if not of_own_light(f, solved)), *uneven, *kept)
+    return (*(f for f in light if not of_own_light(f, solved, uneven)), *uneven, *kept)
 
 
 def _without_wraps(views: Sequence[ViewEvidence], config: GapConfig) -> frozenset[str]:

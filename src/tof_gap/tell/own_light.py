@@ -13,6 +13,7 @@ from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.lens_scatter import LensScatter
 from tof_sensor.effects.multipath import Multipath
+from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.wiggling import Wiggling
 
 if TYPE_CHECKING:
@@ -27,8 +28,8 @@ LESS_MODULATED = 1.0
 duty d is sin(pi d) / (pi d): from 0.5 to 0.7 the variance grows by a factor of 1.7, and more where a second frequency has a third of the period."""
 
 
-def of_own_light(found: Finding, solved: Solved) -> bool:
-    """Whether noise beyond the photon law is that of the camera's own light.
+def of_own_light(found: Finding, solved: Solved, uneven: Sequence[Finding] = ()) -> bool:
+    """Whether noise beyond the photon law is the camera's own: of its light, or of its read-out where `uneven` findings name that.
 
     Traps (`amplitude_bias`) take a constant charge from the signal, not from its photons: of the same amplitude, dark pixels then have more
     photon noise, in excess by 1 / A^2, as read-out noise has. So it is with own light that reaches all pixels by other surfaces or by the
@@ -36,11 +37,13 @@ def of_own_light(found: Finding, solved: Solved) -> bool:
 
     A lamp that is on for longer (`wiggling`) modulates less of its light: of the same amplitude, all pixels have more photons. Its excess
     is less than the law's own variance.
+
+    Charge that rows or single pixels get from the read-out (`noise`) grows as 1 / A, too: what their map leaves looks like uniform light.
     """
     if not isinstance(found.effect, Ambient):
         return False
     changes = (AmplitudeBias.NAME, LensScatter.NAME, Multipath.NAME)
-    if found.effect.like_read_out and any(map(solved.names, changes)):
+    if found.effect.like_read_out and (any(map(solved.names, changes)) or any(f.name == Noise.NAME for f in uneven)):
         return True
     return solved.names(Wiggling.NAME) and not found.structure and times_law(found, solved.bare) < LESS_MODULATED
 

@@ -40,6 +40,13 @@ def test_noise_like_read_out_beside_an_amplitude_bias_is_of_charge_that_traps_ho
     assert not of_own_light(Finding(Noise(extra_m=0.001), 0.95), naming("amplitude_bias"))
 
 
+def test_noise_like_read_out_beside_named_noise_is_of_the_read_out() -> None:
+    rows = [Finding(Noise(extra_m=0.003), 0.95)]
+    assert of_own_light(light(0.0), naming("none"), rows)
+    assert not of_own_light(light(0.0), naming("none"), [])
+    assert not of_own_light(light(0.002), naming("none"), rows), "foreign light off the surfaces"
+
+
 @pytest.mark.parametrize(("excess", "own"), [(0.5, True), (0.9, True), (1.2, False), (4.0, False)])
 def test_a_lamp_that_is_on_for_longer_at_most_doubles_the_variance(*, excess: float, own: bool) -> None:
     """Beside `wiggling`, foreign light is named from twice the law's variance on."""
