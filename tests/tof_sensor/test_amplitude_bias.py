@@ -20,6 +20,11 @@ BRIGHT = "shorten the exposure first: bright surfaces are off"
             AmplitudeBias(form="direct", per_ln_m=0.004, per_ln2_m=0.001, direct_m=-0.005), True, id="walk near saturation: -7 and -1 mm"
         ),
         pytest.param(AmplitudeBias(per_ln_m=-0.005), False, id="a slow comparator: 8 mm in weak light, -7 mm in bright light"),
+        pytest.param(
+            AmplitudeBias(form="direct", per_ln_m=-0.011, per_ln2_m=-0.004, direct_m=0.0045),
+            False,
+            id="traps: the term that grows with the light straightens the curve, and bright surfaces are off the other way",
+        ),
         pytest.param(AmplitudeBias(knots=(1.0, 2.0, 3.0), values=(0.001, 0.0, -0.004)), True, id="a curve that falls at its bright end"),
         pytest.param(AmplitudeBias(knots=(1.0, 2.0, 3.0), values=(-0.004, 0.0, -0.001)), False, id="a curve that rises from its weak end"),
     ],

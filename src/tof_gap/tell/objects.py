@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Foreign objects that named effects explain: a haze or a lamp's halo pulls dark surfaces towards the camera, as an object before them would."""
+"""Foreign objects that named effects explain: a haze, a lamp's halo or a wrapped phase brings surfaces nearer, as an object before them would."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from tof_core import se3
 from tof_scene.world.surprises import OBJECT
+from tof_sensor.effects.phase_wrap import PhaseWrap
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,8 +38,10 @@ def unexplained_objects(world: Surprises, recorded: Sequence[View], found: Accou
         recorded: the views before the pixels of objects were removed.
         found: poses and maps of the named effects.
     """
-    names = list(found.figures.maps)
-    if not (names and world.foreign):
+    # The map of wraps covers measured pixels of the CAD alone, and a wrapped surface hangs in the air before it.
+    wraps = [f.effect for f in found.findings if isinstance(f.effect, PhaseWrap)]
+    names = [name for name in found.figures.maps if not wraps or name != PhaseWrap.NAME]
+    if not (world.foreign and (names or wraps)):
         return world
     number = {v.view.stamp_ns: k for k, v in enumerate(found.solved.evidence)}
 
@@ -54,7 +57,8 @@ def unexplained_objects(world: Surprises, recorded: Sequence[View], found: Accou
             points = se3.apply(evidence.rendering.T_cell_camera, recorded[of].camera.points(recorded[of].depth)[own])
             own[own] = (np.abs(points - thing.centre_m) <= 0.5 * thing.size_m + BOX_M).all(axis=1)
             before.append(distance[own])
-            after.append((distance - found.figures.total(names, k))[own])
+            explained = found.figures.total(names, k) + sum(e.bias(evidence.frame) for e in wraps)
+            after.append((distance - explained)[own])
         was, left = (_median_size(np.concatenate(errors)) for errors in (before, after))
         return left >= LEFT * was
 

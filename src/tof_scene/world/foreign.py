@@ -41,6 +41,8 @@ before a part overlaps others, too."""
 SIDE = 0.5
 """Largest distance of a side measured by one view from the object measured by several views, as a share of the object's diagonal."""
 
+SAME_PLACE = 0.5
+"""Distance of two boxes' centres, as a share of the smaller one's size, below which two views saw one object."""
 LEAST_WRAP_M = 0.3
 """Unambiguous range in metres at 500 MHz, above any camera's frequency: the least jump by a wrapped phase."""
 WRAP_SPREAD = 0.05
@@ -132,10 +134,21 @@ def foreign_objects(views: Sequence[Seen], before: Sequence[Mask], measured: Seq
                 single.append(mine)
     joined, single = _joined(cloud, standing, single, 2 * voxel, limits.rim_px)
     objects = [_object(cloud, mine, clearance, _views(cloud, mine, limits.object_view_px), moves=False) for mine in joined if no_bias(mine)]
-    for mine in filter(no_bias, single):
+    for mine in _at_one_place(cloud, list(filter(no_bias, single))):
         moves = bool(cloud.through[mine].mean() > 0.5)
-        objects.append(_object(cloud, mine, clearance, (int(cloud.view[mine[0]]),), moves=moves))
+        objects.append(_object(cloud, mine, clearance, tuple(np.unique(cloud.view[mine]).tolist()), moves=moves))
     return tuple(objects)
+
+
+def _at_one_place(cloud: _Cloud, single: Sequence[Ints]) -> list[Ints]:
+    """Clusters of one view each, joined where their boxes cover each other by half along every axis: one object that stood there for some views."""
+    boxes = [_box(cloud.points[mine]) for mine in single]
+    same = np.array(
+        [[bool((np.abs(c - d) < SAME_PLACE * np.minimum(s, t)).all()) for d, t in boxes] for c, s in boxes],
+        bool,
+    ).reshape(len(boxes), len(boxes))
+    count, group = connected_components(csr_array(same), directed=False)
+    return [np.concatenate([mine for mine, g in zip(single, group, strict=True) if g == k]) for k in range(count)]
 
 
 def _joined(cloud: _Cloud, standing: Sequence[Ints], single: Sequence[Ints], reach: float, rim_px: int) -> tuple[list[Ints], list[Ints]]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 NOT_ALWAYS = "object in some views only"
 """An object that other views do not show."""
-MAY_BE = " and in no other: a person, the blur of a moving view, or the halo of a lamp or a bright surface"
+MAY_BE = " and in no other view: a person, the blur of a moving view, or the halo of a lamp or a bright surface"
 """Possible causes of such an object."""
 SEE, SEES = "see what lies behind its place", "sees what lies behind its place"
 """The evidence that a part is missing, of several views and of one."""

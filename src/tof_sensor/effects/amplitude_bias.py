@@ -72,7 +72,9 @@ class AmplitudeBias(CurveEffect):
         Weak light is measured nearer by what reflects before the lens; late charge and slow comparators do the reverse.
         """
         weak, usual, bright = self._at_light()
-        if abs(bright - usual) > abs(weak - usual):
+        # A term that grows with the light may as well straighten a curve in weak light: then bright surfaces are off the other way.
+        saturates = self.form != "direct" or (bright - usual) * self.direct_m > 0.0
+        if saturates and abs(bright - usual) > abs(weak - usual):
             return f"{EXPOSURE}; otherwise {CALIBRATE}; until then trust bright parts less"
         return f"{WINDOW}; otherwise {self.REMEDY}" if weak < usual else self.REMEDY
 

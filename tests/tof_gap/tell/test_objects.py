@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, views
+from tof_gap.seen.finding import Finding
 from tof_gap.tell.objects import unexplained_objects
 from tof_scene.world.foreign import Foreign
 from tof_scene.world.surprises import OBJECT, Surprises
+from tof_sensor.effects.phase_wrap import PhaseWrap
 
 PATCH = np.s_[30:50, 40:60]
 BEFORE_M = 0.04
@@ -37,7 +39,11 @@ def session(explained: float) -> tuple[Surprises, list[Any], Any]:
     low, high = cloud.min(axis=0), cloud.max(axis=0)
     thing = Foreign((low + high) / 2, high - low, (0, 1), len(cloud), moves=False, points=cloud, clearance=np.full(len(cloud), BEFORE_M))
     figures = SimpleNamespace(maps={"lens_scatter": maps}, total=lambda _, view: np.nan_to_num(maps[view]))
-    return Surprises(tuple(codes), (), (thing,)), recorded, SimpleNamespace(figures=figures, solved=SimpleNamespace(evidence=seen))
+    return (
+        Surprises(tuple(codes), (), (thing,)),
+        recorded,
+        SimpleNamespace(figures=figures, findings=(), solved=SimpleNamespace(evidence=seen)),
+    )
 
 
 @pytest.mark.parametrize(("explained", "objects"), [(0.0, 1), (0.3, 1), (0.8, 0), (1.0, 0)])
@@ -58,3 +64,12 @@ def test_a_view_that_the_solution_left_out_says_nothing() -> None:
     found.solved.evidence = found.solved.evidence[1:]
     found.figures.total = lambda _, view: np.where(world.pixels[view + 1] == OBJECT, -BEFORE_M, 0.0)
     assert unexplained_objects(world, recorded, found).foreign == ()
+
+
+@pytest.mark.parametrize(("mhz", "objects"), [(3750.0, 0), (1000.0, 1)])
+def test_a_surface_that_wraps_hangs_in_the_air_and_is_no_object(mhz: float, objects: int) -> None:
+    """The patch is 40 mm before the CAD: a period of 3750 MHz; the map of the wraps does not cover it."""
+    world, recorded, found = session(0.0)
+    found.figures.maps = {}
+    found.findings = (Finding(PhaseWrap(modulation_mhz=mhz, start_m=0.01, share=1.0), 1.0),)
+    assert len(unexplained_objects(world, recorded, found).foreign) == objects

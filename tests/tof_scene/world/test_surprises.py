@@ -286,6 +286,17 @@ def test_the_sides_of_an_object_that_one_view_alone_faces_are_the_objects() -> N
     np.testing.assert_allclose(crate.size_m, [0.3, 0.3, 0.3], atol=0.04)
 
 
+def test_an_object_that_stood_there_for_some_views_is_one() -> None:
+    """Two views show a crate that the other four see through."""
+    real, cad = scene(PLATE, BLOCK, CRATE), scene(PLATE, BLOCK)
+    seen = [*views(real, cad)[:2], *views(cad, cad)[2:]]
+    found = find_surprises(seen, cad, LIMITS)
+    (crate,) = found.foreign
+    assert (crate.moves, crate.views) == (True, (0, 1))
+    np.testing.assert_allclose(crate.centre_m[:2], [-0.15, 0.05], atol=0.03)
+    assert "seen in views 1, 2 and in no other view" in lines(described(found, cad.scene))[0]
+
+
 def test_pixels_of_an_object_that_one_view_measures_wrong_are_no_moving_object() -> None:
     """Every third pixel of a chest is 40 mm too near in one view: other views see through their place, and yet they lie among the chest's."""
     real, cad = scene(PLATE, Part("chest", *box((0.3, 0.3, 0.15), (0.0, 0.0, 0.075)))), scene(PLATE)
