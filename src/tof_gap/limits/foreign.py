@@ -39,6 +39,29 @@ class BeatLimits:
 
 
 @dataclass(frozen=True, slots=True)
+class CapturesLimits:
+    """When the captures of a dwell differ by another camera's light."""
+
+    ratio: float = param(
+        1.25,
+        "median variance between the captures of a dwell, over that among neighbours, from which they step",
+        low=1.0,
+        why="healthy dwells: 0.8 to 1.1; under another camera's light half of them exceed 1.6",
+    )
+    share: float = param(
+        0.5, "share of the dwells that step", low=0.0, high=1.0, why="of two or three captures, some have nearly the same phase by chance"
+    )
+    dwells: int = param(3, "dwells that step", low=1, why="one or two may have been bumped")
+    of_light: float = param(
+        0.5,
+        "share of that variance beyond the neighbours' that goes with range^2 / cos(incidence), beside what a hand that sways makes",
+        low=0.0,
+        high=1.0,
+        why="under another camera's light: 0.74 and 0.86",
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class ForeignLightLimits:
     """When another camera's light shifts captures along the optical axis."""
 

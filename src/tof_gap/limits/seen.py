@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from tof_core.config import param, section
-from tof_gap.limits.foreign import BeatLimits, ForeignLampLimits, ForeignLightLimits, LitLimits, RepeatedLimits
+from tof_gap.limits.foreign import BeatLimits, CapturesLimits, ForeignLampLimits, ForeignLightLimits, LitLimits, RepeatedLimits
 from tof_scene.world.limits import WorldLimits
 
 
@@ -144,9 +144,7 @@ class LineLimits:
 
     pixels: int = param(20, "pixels of a line", low=2, why="its mean is known to a quarter of the noise")
     views: int = param(5, "views that see a line", low=2, why="a variance of fewer is not known to a factor of two")
-    lines: int = param(
-        12, "lines that are compared", low=3, why="the noise of a few lines beside edges is not that of all; differences of three overlap"
-    )
+    lines: int = param(12, "lines that are compared", low=3, why="a few lines beside edges are not all; differences of three overlap")
     sigma: float = param(
         8.0, "standard errors of the lines' excess variance", low=0.0, why="neighbouring differences overlap: as 5.7 of independent ones"
     )
@@ -297,4 +295,5 @@ class NoiseLimits:
     lit: LitLimits = section(LitLimits, "places under foreign light")
     pixels: PixelLimits = section(PixelLimits, "single pixels")
     beat: BeatLimits = section(BeatLimits, "stripes")
+    captures: CapturesLimits = section(CapturesLimits, "captures of a dwell")
     stereo: StereoLimits = section(StereoLimits, "cameras that triangulate")

@@ -11,6 +11,7 @@ from scipy.ndimage import minimum_filter
 
 from tof_core.shares import in_percent
 from tof_core.stats import joined
+from tof_gap.seen.between_captures import stepping_captures
 from tof_gap.seen.bursts import bursts
 from tof_gap.seen.correlation import INDEPENDENT
 from tof_gap.seen.exposure import exposed
@@ -109,12 +110,9 @@ def noise_effects(
         return _named(parts, views)
     # Without amplitude there is no photon law to compare with: only noise of rows, columns and single pixels is found.
     dark = all(v.view.amplitude is None for v in views)
-    if Interference.NAME not in left_out:
-        wave = beat(views, limits.beat)
-        if wave is not None and wave.size_m > max(limits.extra_mm * 1e-3, of_maps_m):
-            found = wave.finding(views, float(np.median(b.amplitude)), limits.beat)
-            if not repeated(views, found.common, limits.repeated):
-                return [found]
+    other = None if Interference.NAME in left_out else _other_light(views, b, limits, of_maps_m, dark=dark)
+    if other is not None:
+        return [other]
     whole = wholly_averaged(b, near[0].correlation)
     b = whole if len(whole.view) >= limits.least_bins else b
     b = of_one_capture(without_offsets(b, near), np.array([v.view.captures for v in views], float), step, limits)
@@ -133,6 +131,16 @@ def noise_effects(
         return []
     usual = law is not None and over_law(b, law) < 1.0 + limits.law_excess
     return _noise(views, near, b, None if usual or patchy or changes or piled_up else fitted, limits)
+
+
+def _other_light(views: Sequence[ViewEvidence], b: NoiseBins, limits: NoiseLimits, of_maps_m: float, *, dark: bool) -> Finding | None:
+    """`interference` by stripes in single views, or by captures of a dwell that step as a whole, which noise of whole lines does, too."""
+    wave = beat(views, limits.beat)
+    if wave is not None and wave.size_m > max(limits.extra_mm * 1e-3, of_maps_m):
+        found = wave.finding(views, float(np.median(b.amplitude)), limits.beat)
+        if not repeated(views, found.common, limits.repeated):
+            return found
+    return None if dark or lines_found(views, limits) else stepping_captures(views, limits)
 
 
 def without_offsets(b: NoiseBins, views: Sequence[ViewEvidence]) -> NoiseBins:

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Another camera's light in the captures of a dwell: the whole image steps from capture to capture, most where surfaces are far."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_gap.seen.finding import CONFIDENT, Finding
+from tof_gap.seen.foreign_light import interference
+from tof_gap.seen.photons import between_captures2, binned, code_step, fit_law
+from tof_gap.seen.residual import single
+from tof_sensor.geometry import pose_columns
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float
+    from tof_gap.limits.seen import NoiseLimits
+    from tof_gap.seen.residual import ViewEvidence
+    from tof_sensor.effects.photon_law import PhotonLaw
+    from tof_sensor.session import NoiseBins
+
+EVERY = 7
+"""One of so many pixels is fitted: thousands of a view."""
+CAP = 12.0
+"""Variance between captures over the photon law's, beyond which a pixel counts no more: an edge."""
+
+
+def stepping_captures(views: Sequence[ViewEvidence], limits: NoiseLimits) -> Finding | None:
+    """`interference` where captures of a dwell differ by more than neighbouring pixels do, as foreign light makes them differ.
+
+    Foreign modulated light adds a phasor with a phase of its own in every capture, so depth steps by an amount in proportion to foreign
+    over own light: r^2 / cos(incidence), whatever the albedo. It is in the variance between captures and not among neighbours. The mean of
+    a dwell leaves a part of the steps, and poses take most of that. A hand that sways moves the image, too, in proportion to the columns
+    of the pose. Noise of whole rows is another effect.
+    """
+    b, limit = binned(views, limits.bins, limits), limits.captures
+    b = b.of(np.isfinite(_excess(b)) & (b.variance > 0.0))
+    dwells = np.unique(b.view).astype(int)
+    over = 1.0 + np.array([np.median((_excess(b) / b.variance)[b.view == v]) for v in dwells])
+    hit = dwells[over > limit.ratio]
+    if len(hit) < max(limit.dwells, limit.share * len(dwells)):
+        return None
+    stepping = [views[v] for v in hit]
+    by_light2, of_all = _of_light2(stepping, fit_law(b, code_step(views), limits).law)
+    if of_all < limit.of_light:
+        return None
+    way = np.concatenate([v.frame.surroundings_m2[v.smooth] for v in stepping])
+    size, duty = float(np.sqrt(by_light2) * np.median(way)), len(hit) / len(dwells)
+    share = [_of_mean(v, np.sqrt(by_light2) * (number in hit)) for number, v in enumerate(views)]
+    note = f"the whole image steps from capture to capture by {1e3 * size:.1f} mm RMS, in {len(hit)} of {len(dwells)} dwells"
+    return Finding(interference(views, size, duty=duty), CONFIDENT, share=np.stack(share), note=note)
+
+
+def _excess(b: NoiseBins) -> Float:
+    """(n,) m^2: variance between captures beyond that among neighbours; NaN in views of one capture."""
+    return np.full(len(b.view), np.nan) if b.between is None else b.between - b.variance
+
+
+def _of_light2(views: Sequence[ViewEvidence], law: PhotonLaw) -> tuple[float, float]:
+    """Variance between captures by foreign light, m^2 at r^2 / cos(incidence) = 1 m^2, and its share beside that by a hand that sways."""
+    from scipy.optimize import nnls  # loads slowly, and only dwells that step need it
+
+    columns, excess = [], []
+    for v in views:
+        at = np.flatnonzero(v.smooth & np.isfinite(between_captures2(v)))[::EVERY]
+        way2 = v.frame.surroundings_m2.ravel()[at] ** 2
+        by_law = law.variance(v.frame.amplitude.ravel()[at], v.frame.surroundings_m2.ravel()[at])
+        sway2 = ((pose_columns(v.frame) * v.frame.length[..., None]).reshape(-1, 6)[at]) ** 2
+        columns.append(np.column_stack([sway2, way2]) / by_law[:, None])
+        excess.append(np.minimum(between_captures2(v).ravel()[at] / by_law, CAP) - 1.0)
+    X = np.concatenate(columns)
+    variances, _ = nnls(X, np.concatenate(excess))
+    parts = variances * X.mean(axis=0)
+    return float(variances[-1]), float(parts[-1] / max(parts.sum(), 1e-12))
+
+
+def _of_mean(view: ViewEvidence, step: float) -> Float:
+    """(H, W) metres of z: standard deviation that steps, metres at r^2 / cos(incidence) = 1 m^2, leave in the mean of a view's captures; NaN where nothing is compared."""
+    left = step * view.frame.surroundings_m2 / np.sqrt(view.view.captures) / view.frame.length
+    return single(np.where(view.smooth, left, np.nan))

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Captures of a dwell that differ as a whole: by another camera's light, or by a hand that sways."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from tests.tof_gap import two_walls
+from tests.tof_gap.quiet_views import SHAPE, VIEWS
+from tests.tof_gap.two_walls import NOISE_M
+from tof_gap.limits.seen import NoiseLimits
+from tof_gap.seen.between_captures import stepping_captures
+from tof_gap.seen.noise import noise_effects
+from tof_sensor.effects.interference import Interference
+from tof_sensor.geometry import pose_columns
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tof_core.arrays import Float
+    from tof_gap.seen.residual import ViewEvidence
+
+LIMITS = NoiseLimits()
+CAPTURES = 3
+
+
+def by_light(strength: float) -> Callable[[ViewEvidence], Float]:
+    """(H, W) m^2 along the ray between captures by foreign light: `strength` times the usual noise at the view's median way."""
+    return lambda v: (strength * NOISE_M * v.frame.surroundings_m2 / np.median(v.frame.surroundings_m2[v.smooth])) ** 2
+
+
+def by_sway(turn_rad: float, step_m: float) -> Callable[[ViewEvidence], Float]:
+    """(H, W) m^2 along the ray between captures of a hand that turns and steps, about and along each axis."""
+    sd = np.array([step_m] * 3 + [turn_rad] * 3)
+    return lambda v: np.asarray((((pose_columns(v.frame) * v.frame.length[..., None]) * sd) ** 2).sum(axis=-1))
+
+
+def dwells(steps2: Callable[[ViewEvidence], Float], stepping: int = VIEWS) -> list[ViewEvidence]:
+    """Dwells before two walls, whose captures differ by the noise of pixels, and in the first `stepping` by steps of the whole image."""
+    out = []
+    for number, v in enumerate(two_walls.session()):
+        between2 = NOISE_M**2 + (steps2(v) if number < stepping else 0.0)
+        view = replace(
+            v.view,
+            captures=CAPTURES,
+            sigma=(np.sqrt(between2 / CAPTURES) / v.frame.length).astype(np.float32),
+            count=np.full(SHAPE, CAPTURES, np.uint16),
+        )
+        out.append(replace(v, view=view, residual=v.residual / np.sqrt(CAPTURES), sigma=v.sigma / np.sqrt(CAPTURES)))
+    return out
+
+
+def test_captures_that_step_in_proportion_to_the_way_of_the_light_are_interference() -> None:
+    found = stepping_captures(dwells(by_light(1.5)), LIMITS)
+    assert found is not None
+    assert isinstance(found.effect, Interference)
+    assert f"in {VIEWS} of {VIEWS} dwells" in found.note
+    assert found.effect.burst_m == pytest.approx(1.5 * NOISE_M, rel=0.2)
+    (named,) = noise_effects(dwells(by_light(1.5)), LIMITS)
+    assert named.name == "interference"
+
+
+@pytest.mark.parametrize(
+    "quiet",
+    [
+        pytest.param(dwells(by_light(0.0)), id="captures that differ by the noise of pixels"),
+        pytest.param(dwells(by_light(0.3)), id="steps of a third of the noise"),
+        pytest.param(dwells(by_sway(0.006, 0.002)), id="a hand that sways"),
+        pytest.param(dwells(by_light(1.5), stepping=VIEWS // 3), id="steps in few dwells"),
+        pytest.param(list(two_walls.session()), id="single captures"),
+    ],
+)
+def test_other_captures_are_none(quiet: list[ViewEvidence]) -> None:
+    assert stepping_captures(quiet, LIMITS) is None
