@@ -157,6 +157,13 @@ class MissingLimits:
         low=0.0,
         why="healthy thresholds of the same camera: 0.10 to 0.20, with up to 10 % of the pixels lost; a raised threshold in much noise: 0.39",
     )
+    by_design_share: float = param(
+        0.05,
+        "or share of the pixels that are lost up to which it holds",
+        low=0.0,
+        high=1.0,
+        why="one pixel in twenty, each noisier than `by_design_mm`, is no cost, whatever the session's usual light",
+    )
     brighter: float = param(
         0.8, "chance that a saturated pixel is brighter than a measured one of its part", low=0.5, high=1.0, why="lost at random: 0.5"
     )

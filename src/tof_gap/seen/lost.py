@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float, Mask
     from tof_gap.limits.missing import MissingLimits
+    from tof_gap.seen.loss import Loss
     from tof_gap.seen.residual import ViewEvidence
     from tof_sensor.effects.photon_law import PhotonLaw
     from tof_sensor.stated import StatedNoise
@@ -130,7 +131,7 @@ def dropout(
 
     A lost pixel has no reliable amplitude; that of the CAD is used, in the unit of the camera's amplitude image. The loss is expected
     where `stated` includes it, or where light is so weak by the photon law of the session, which `law` gives, that any camera drops it,
-    and far weaker than usual in the session.
+    and far weaker than usual in the session, or of few pixels.
     """
     inside, gone = losses.inside, losses.gone
     part = np.concatenate([v.rendering.part[i] for v, i in zip(views, inside, strict=True)])
@@ -173,11 +174,16 @@ def dropout(
     note = _of_median(effect.threshold, light, known=of_image is not None)
     rare = half == 0.0 and random < limits.lost_share
     known = loss.goes_with in (GoesWith.LIGHT, GoesWith.NOTHING) and stated.includes(effect)
-    dim = loss.goes_with is GoesWith.LIGHT and loss.of_median <= limits.by_design_light and random < limits.lost_share
-    too_weak = not known and dim and _too_weak(views, effect, law(), limits)
+    too_weak = not known and random < limits.lost_share and _weak_or_few(loss, limits) and _too_weak(views, effect, law(), limits)
     why = f"a camera drops light by design whose depth is noisier than {limits.by_design_mm:g} mm" if too_weak else ""
     found = Finding(effect, LOSS_CONFIDENT, share=share, note=note, size=loss.size, remedy=loss.remedy, parts=loss.parts, rare=rare)
     return replace(found, expected=known or too_weak, by_design=why)
+
+
+def _weak_or_few(loss: Loss, limits: MissingLimits) -> bool:
+    """Whether light alone decides, and pixels are lost in light far weaker than usual in the session, or few of them."""
+    few = loss.of_median <= limits.by_design_light or loss.share <= limits.by_design_share
+    return loss.goes_with is GoesWith.LIGHT and few
 
 
 def _too_weak(views: Sequence[ViewEvidence], loss: Dropout, law: PhotonLaw | None, limits: MissingLimits) -> bool:

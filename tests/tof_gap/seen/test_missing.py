@@ -119,6 +119,16 @@ def test_loss_of_light_too_weak_to_measure_is_by_design_where_it_is_weaker_than_
     assert found.expected is expected
 
 
+@pytest.mark.parametrize(("share", "expected"), [(0.05, False), (1.0, True)])
+def test_few_pixels_too_weak_to_measure_are_lost_by_design_whatever_is_usual(share: float, *, expected: bool) -> None:
+    """More than 5 % are lost; noise at the threshold is 8.8 mm."""
+    lost, _ = dark_lost()
+    median = float(np.median(np.concatenate([v.frame.amplitude[v.smooth] for v in dwelled(0.0)])))
+    law = PhotonLaw(floor_m=0.0, shot_m=7.5e-3, ambient_m=0.0, far_m=0.0, reference=median)
+    (found,) = missing_effects(lost, MissingLimits(by_design_light=0.5, by_design_share=share), law=lambda: law)
+    assert found.expected is expected
+
+
 def test_a_camera_that_averages_drops_weak_light_by_the_noise_before_its_average() -> None:
     """2.9 mm at the threshold after an average over nine pixels: 8.8 mm before it."""
     lost, _ = dark_lost()
