@@ -157,8 +157,9 @@ def dropout(
     light, seen = of_all(by_cad), of_all(_amplitude)
     loss = loss_of(gone, seen, light, of_all(lambda v: v.frame.radial), part, limits.loss)
     random = float(gone[light > np.median(light)].mean())
-    apart = loss.parts if loss.goes_with is GoesWith.PARTS else ()
-    others = ~np.isin(part, apart)
+    others = ~np.isin(part, loss.parts)
+    apart = loss.parts if loss.goes_with is GoesWith.PARTS and others.any() else ()
+    others |= not apart
     edges, rates = _by_light(light[others], gone[others], limits)
 
     def alike(v: ViewEvidence) -> Float:
@@ -229,7 +230,7 @@ def _around(view: ViewEvidence, lost_here: Float, apart: Sequence[int], limits: 
     """(H, W) share of loss around each pixel; on parts that are set `apart`, of pixels on these parts alone."""
     inside, on = expected(view, limits), np.isin(view.rendering.part, apart)
     out = np.zeros(inside.shape)
-    for side in (on, ~on):
+    for side in (on, ~on) if apart else (~on,):
         cover = np.maximum(uniform_filter((inside & side).astype(float), limits.near_px), LEAST_COVER)
         out[side] = (uniform_filter(np.where(side, lost_here, 0.0), limits.near_px) / cover)[side]
     return out

@@ -245,3 +245,25 @@ def test_the_lamp_s_shadow_beside_an_edge_and_grazing_surfaces_are_no_loss() -> 
     assert counted[20:60, 56:].any()
     steep = replace(view.rendering, incidence=np.full(SHAPE, np.radians(61.0), np.float32))
     assert not expected(replace(view, frame=replace(view.frame, rendering=steep)), limits).any()
+
+
+def test_loss_that_all_parts_carry_is_predicted_by_light() -> None:
+    """A tenth of the pixels is a part that is lost whole, and of the other part one pixel in twenty-five is."""
+    rng, lossy = np.random.default_rng(6), []
+    for v in dwelled(0.0):
+        part = np.zeros(SHAPE, np.int16)
+        part[:, : SHAPE[1] // 10] = 1
+        gone = (part == 1) | (rng.random(SHAPE) < 0.04)
+        seen = replace(
+            v.view,
+            depth=np.where(gone, np.float32(np.nan), v.view.depth),
+            reason=np.where(gone, Reason.NO_RETURN, v.view.reason).astype(np.uint8),
+        )
+        lossy.append(
+            replace(v, view=seen, smooth=v.smooth & ~gone, frame=replace(v.frame, rendering=replace(v.frame.rendering, part=part)))
+        )
+    (found,) = missing_effects(lossy, MissingLimits())
+    assert isinstance(found.effect, Dropout)
+    assert sorted(found.parts) == [0, 1]
+    assert found.share is not None
+    assert np.nanmean(found.share[:, :, : SHAPE[1] // 10 - 3]) > 0.5
