@@ -36,6 +36,8 @@ def stepping_captures(views: Sequence[ViewEvidence], limits: NoiseLimits) -> Fin
     a dwell leaves a part of the steps, and poses take most of that. A hand that sways moves the image, too, in proportion to the columns
     of the pose. Noise of whole rows is another effect.
     """
+    if all(v.view.captures < 2 for v in views):
+        return None
     b, limit = binned(views, limits.bins, limits), limits.captures
     b = b.of(np.isfinite(_excess(b)) & (b.variance > 0.0))
     dwells = np.unique(b.view).astype(int)
@@ -65,12 +67,13 @@ def _of_light2(views: Sequence[ViewEvidence], law: PhotonLaw) -> tuple[float, fl
 
     columns, excess = [], []
     for v in views:
-        at = np.flatnonzero(v.smooth & np.isfinite(between_captures2(v)))[::EVERY]
+        between2 = between_captures2(v)
+        at = np.flatnonzero(v.smooth & np.isfinite(between2))[::EVERY]
         way2 = v.frame.surroundings_m2.ravel()[at] ** 2
         by_law = law.variance(v.frame.amplitude.ravel()[at], v.frame.surroundings_m2.ravel()[at])
         sway2 = ((pose_columns(v.frame) * v.frame.length[..., None]).reshape(-1, 6)[at]) ** 2
         columns.append(np.column_stack([sway2, way2]) / by_law[:, None])
-        excess.append(np.minimum(between_captures2(v).ravel()[at] / by_law, CAP) - 1.0)
+        excess.append(np.minimum(between2.ravel()[at] / by_law, CAP) - 1.0)
     X = np.concatenate(columns)
     variances, _ = nnls(X, np.concatenate(excess))
     parts = variances * X.mean(axis=0)

@@ -29,15 +29,12 @@ APART = (0, 2), (0, 3), (1, 3)
 class LineNoise:
     """Noise that whole rows (axis 1) or columns (axis 0) share.
 
-    size_m: standard deviation in metres along the ray; sigma: its significance, the excess over white noise in standard errors;
-    shared_m: standard deviation that quarters of a line have in common which are not adjacent. Errors of a surface, such as the rim of an
-    object, are in one place of a line; noise of the read-out may change its sign with the phase, so that quarters share less of it.
+    size_m: standard deviation in metres along the ray; sigma: its significance, the excess over white noise in standard errors.
     """
 
     axis: int
     size_m: float
     sigma: float
-    shared_m: float
 
 
 def line_noise(views: Sequence[ViewEvidence], axis: int, limits: LineLimits) -> LineNoise:
@@ -50,9 +47,17 @@ def line_noise(views: Sequence[ViewEvidence], axis: int, limits: LineLimits) -> 
     of = views[0].correlation
     found = [_in_common(views, axis, limits, step) for step in of.steps]
     size2 = of.variance([size2 for size2, _ in found])
-    shared2 = of.variance([_shared2(views, axis, limits, step) for step in of.steps])
-    size_m, shared_m = (float(np.sqrt(max(m2, 0.0))) for m2 in (size2, shared2))
-    return LineNoise(axis, size_m, max(sigma for _, sigma in found), shared_m)
+    return LineNoise(axis, float(np.sqrt(max(size2, 0.0))), max(sigma for _, sigma in found))
+
+
+def shared_m(views: Sequence[ViewEvidence], axis: int, limits: LineLimits) -> float:
+    """Standard deviation in metres along the ray that quarters of a line along `axis` have in common which are not adjacent.
+
+    Errors of a surface, such as the rim of an object, are in one place of a line. Noise of the read-out is in all of it; it may change its
+    sign with the phase, so that quarters share less than all.
+    """
+    of = views[0].correlation
+    return float(np.sqrt(max(of.variance([_shared2(views, axis, limits, step) for step in of.steps]), 0.0)))
 
 
 def line_noise_by_view(views: Sequence[ViewEvidence], axis: int, limits: LineLimits) -> Float:
@@ -77,11 +82,8 @@ def _in_common(views: Sequence[ViewEvidence], axis: int, limits: LineLimits, ste
 
 def _shared2(views: Sequence[ViewEvidence], axis: int, limits: LineLimits, step: int) -> float:
     """m^2: covariance, over views and lines, of the mean second differences of quarters of a line that are not adjacent."""
-    mean = np.stack([_quarter_means(v, axis, limits, step) for v in views])
-    seen = np.isfinite(mean)
-    number = seen.sum(axis=0)
-    seen &= number >= limits.views
-    off = np.where(seen, mean - np.where(seen, mean, 0.0).sum(axis=0) / np.maximum(number, 1), np.nan)
+    off, _ = _beside_mean(np.stack([_quarter_means(v, axis, limits, step) for v in views]), limits)
+    seen = np.isfinite(off)
     cap2 = limits.most_ratio * float(np.median(off[seen] ** 2)) / CHI2_MEDIAN if seen.any() else 0.0
     products = np.concatenate([(off[:, one] * off[:, other]).ravel() for one, other in APART])
     known = products[np.isfinite(products)]
@@ -90,7 +92,7 @@ def _shared2(views: Sequence[ViewEvidence], axis: int, limits: LineLimits, step:
 
 def _quarter_means(view: ViewEvidence, axis: int, limits: LineLimits, step: int) -> Float:
     """(4, L) mean second difference across lines `step` apart, of each quarter of a line; NaN where it has too few pixels."""
-    d2 = second_differences(np.where(view.smooth, view.residual * view.frame.length, np.nan), 1 - axis, step)
+    d2 = _across(view, axis, step)
     quarters = np.array_split(d2, QUARTERS, axis=axis)
     count = np.stack([np.isfinite(q).sum(axis=axis) for q in quarters])
     total = np.stack([np.where(np.isfinite(q), q, 0.0).sum(axis=axis) for q in quarters])
@@ -103,12 +105,23 @@ def _changes(views: Sequence[ViewEvidence], axis: int, limits: LineLimits, step:
     NaN where too few views see the line.
     """
     mean, white = (np.stack(a) for a in zip(*(_line_means(v, axis, limits, step) for v in views), strict=True))
+    off, n = _beside_mean(mean, limits)
+    seen = np.isfinite(off)
+    return off**2 * n / (n - 1), np.where(seen, white, np.nan)
+
+
+def _beside_mean(mean: Float, limits: LineLimits) -> tuple[Float, Float]:
+    """(V, ...) less the mean over the views (V), a fixed pattern, NaN where too few see the line; and (...) number of these views, at least 2."""
     seen = np.isfinite(mean)
     views_seen = seen.sum(axis=0)
     seen &= views_seen >= limits.views
     n = np.maximum(views_seen, 2)
-    change2 = (mean - np.where(seen, mean, 0.0).sum(axis=0) / n) ** 2 * n / (n - 1)
-    return np.where(seen, change2, np.nan), np.where(seen, white, np.nan)
+    return np.where(seen, mean - np.where(seen, mean, 0.0).sum(axis=0) / n, np.nan), n
+
+
+def _across(view: ViewEvidence, axis: int, step: int) -> Float:
+    """(H, W) second differences across lines along `axis` that are `step` apart, metres along the ray; NaN at pixels that are not smooth."""
+    return second_differences(np.where(view.smooth, view.residual * view.frame.length, np.nan), 1 - axis, step)
 
 
 def _beyond(change2: Float, white: Float) -> float:
@@ -119,8 +132,7 @@ def _beyond(change2: Float, white: Float) -> float:
 
 def _line_means(view: ViewEvidence, axis: int, limits: LineLimits, step: int) -> tuple[Float, Float]:
     """(L,) mean second difference across lines `step` apart, in metres of one line's noise, and its variance by white noise."""
-    r = np.where(view.smooth, view.residual * view.frame.length, np.nan)
-    d2 = second_differences(r, 1 - axis, step)
+    d2 = _across(view, axis, step)
     seen = np.isfinite(d2)
     n = seen.sum(axis=axis)
     enough = n >= limits.pixels

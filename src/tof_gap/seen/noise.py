@@ -16,7 +16,7 @@ from tof_gap.seen.bursts import bursts
 from tof_gap.seen.correlation import INDEPENDENT
 from tof_gap.seen.exposure import exposed
 from tof_gap.seen.finding import CONFIDENT, Finding, most
-from tof_gap.seen.line_noise import line_map, line_noise, line_noise_by_view
+from tof_gap.seen.line_noise import line_map, line_noise, line_noise_by_view, shared_m
 from tof_gap.seen.pattern import beside_pixels, single_pixels
 from tof_gap.seen.photons import (
     as_captures_differ,
@@ -140,7 +140,8 @@ def _other_light(views: Sequence[ViewEvidence], b: NoiseBins, limits: NoiseLimit
         found = wave.finding(views, float(np.median(b.amplitude)), limits.beat)
         if not repeated(views, found.common, limits.repeated):
             return found
-    return None if dark or lines_found(views, limits) else stepping_captures(views, limits)
+    stepping = None if dark else stepping_captures(views, limits)
+    return None if stepping is None or lines_found(views, limits) else stepping
 
 
 def without_offsets(b: NoiseBins, views: Sequence[ViewEvidence]) -> NoiseBins:
@@ -194,7 +195,8 @@ def _noisy_lines(views: Sequence[ViewEvidence], typical_m: float, least_m: float
     least = max(limits.line_mm * 1e-3, limits.line_share * typical_m, least_m)
     found = (line_noise(views, axis, limits.lines) for axis in (1, 0))
     over, lines = over_mean(views), limits.lines
-    return [of for of in found if of.sigma > lines.sigma and over * of.size_m > least and over * of.shared_m > lines.shared * least]
+    large = (of for of in found if of.sigma > lines.sigma and over * of.size_m > least)
+    return [of for of in large if over * shared_m(views, of.axis, lines) > lines.shared * least]
 
 
 def lines_found(views: Sequence[ViewEvidence], limits: NoiseLimits) -> list[LineNoise]:

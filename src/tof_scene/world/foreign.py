@@ -136,7 +136,7 @@ def foreign_objects(views: Sequence[Seen], before: Sequence[Mask], measured: Seq
     objects = [_object(cloud, mine, clearance, _views(cloud, mine, limits.object_view_px), moves=False) for mine in joined if no_bias(mine)]
     for mine in _at_one_place(cloud, list(filter(no_bias, single))):
         moves = bool(cloud.through[mine].mean() > 0.5)
-        objects.append(_object(cloud, mine, clearance, tuple(np.unique(cloud.view[mine]).tolist()), moves=moves))
+        objects.append(_object(cloud, mine, clearance, _views(cloud, mine, 1), moves=moves))
     return tuple(objects)
 
 

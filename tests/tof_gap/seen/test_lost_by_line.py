@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
 
 LIMITS = MissingLimits()
-ROWS, COLUMNS = LineNoise(1, 0.005, 20.0, 0.005), LineNoise(0, 0.005, 20.0, 0.005)
+ROWS, COLUMNS = LineNoise(1, 0.005, 20.0), LineNoise(0, 0.005, 20.0)
 
 
 def session(lose: Callable[[Float, np.random.Generator], Mask]) -> list[ViewEvidence]:
