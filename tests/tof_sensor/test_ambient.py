@@ -125,6 +125,17 @@ def test_three_quarters_of_all_views_must_show_the_light(unseen: int, *, found: 
     assert (Ambient.detect(replace(lit, views=(nothing,) * (VIEWS + unseen))) is not None) == found
 
 
+@pytest.mark.parametrize(("twice", "found"), [("light", True), ("law", False)])
+def test_where_most_of_the_law_is_light_off_the_surfaces_more_of_it_is_told_from_a_larger_law(twice: str, *, found: bool) -> None:
+    """More light enlarges such a law nearly as a whole: the excess grows over range by an exponent of 0.1, and of 0 under half of the exposure."""
+    law = replace(LAW, far_m=1.5e-3)
+    noise = session(0.0).noise
+    assert noise is not None
+    usual, own = (of.variance(noise.amplitude, noise.surroundings2).reshape(VIEWS, BINS) for of in (law, LAW))
+    brighter = replace(law, far_m=law.far_m * np.sqrt(2.0)).variance(noise.amplitude, noise.surroundings2).reshape(VIEWS, BINS)
+    assert (Ambient.detect(session((brighter if twice == "light" else 2.0 * usual) - own, law=law)) is not None) == found
+
+
 @pytest.mark.parametrize(("lit", "times"), [(0.0, "1.4"), (0.3, "1.5"), (1.0, None)])
 def test_a_law_that_is_larger_as_a_whole_is_no_foreign_light(lit: float, times: str | None) -> None:
     """The whole law twice, as with half of the exposure, beside foreign light of a share of the law at the median amplitude."""

@@ -173,7 +173,7 @@ def dropout(
     threshold, steepness = curve(light, gone) if loss.goes_with is GoesWith.LIGHT else (half, Dropout().steepness)
     effect = Dropout(threshold, steepness, min(random, 1.0))
     note = _of_median(effect.threshold, light, known=of_image is not None)
-    rare = half == 0.0 and random < limits.lost_share
+    rare = half == 0.0 and random < limits.lost_share and not _darkest(light, gone, limits.half_lost)
     known = loss.goes_with in (GoesWith.LIGHT, GoesWith.NOTHING) and stated.includes(effect)
     too_weak = not known and random < limits.lost_share and _weak_or_few(loss, limits) and _too_weak(views, effect, law(), limits)
     why = f"a camera drops light by design whose depth is noisier than {limits.by_design_mm:g} mm" if too_weak else ""
@@ -234,6 +234,12 @@ def _around(view: ViewEvidence, lost_here: Float, apart: Sequence[int], limits: 
         cover = np.maximum(uniform_filter((inside & side).astype(float), limits.near_px), LEAST_COVER)
         out[side] = (uniform_filter(np.where(side, lost_here, 0.0), limits.near_px) / cover)[side]
     return out
+
+
+def _darkest(light: Float, gone: Float, share: float) -> bool:
+    """Whether more than this share of as many of the darkest pixels as are lost in all is lost: a threshold may lose fewer than a bin has."""
+    count = max(round(float(gone.sum())), 1)
+    return float(gone[np.argpartition(light, count - 1)[:count]].mean()) > share
 
 
 def _lost_below(light: Float, gone: Float, share: float, limits: MissingLimits) -> float:

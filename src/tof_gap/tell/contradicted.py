@@ -113,9 +113,10 @@ def contradicted(found: Account, limit: UnexplainedLimits) -> str | None:
 def shares_left(found: Account, limit: UnexplainedLimits) -> dict[str, float]:
     """Share of the gap's structure that is left where each effect's map acts, on held-out views; 0 where it acts on no block.
 
-    Structure is the chi-square of block means above that of noise, away from edges. The share is that left by all effects over that
-    before any effect of the solution: an error beside a far larger effect may be that of the larger one's map. The share is stated
-    `limit.sure` standard deviations too low. Effects that smear depth edges are not judged: their maps err at edges.
+    Structure is the chi-square of block means above that of noise, and of named errors that neighbours share, away from edges. The share is
+    that left by all effects over that before any effect of the solution: an error beside a far larger effect may be that of the larger
+    one's map. The share is stated `limit.sure` standard deviations too low. Effects that smear depth edges are not judged: their maps err
+    at edges.
     """
     judged = [name for name in found.solved.maps if not EFFECTS[name].SMEARS]
     if not judged:
@@ -130,7 +131,7 @@ def shares_left(found: Account, limit: UnexplainedLimits) -> dict[str, float]:
         return block_means(views, added, noise2, limit.contradicted_px, limit.contradicted_pixels)
 
     after, whole = means([]), means(maps)
-    above, gap = (m.excess2 / m.white2 for m in (after, whole))
+    above, gap = ((m.excess2 - figures.alike_m**2) / m.white2 for m in (after, whole))
     shares = {}
     for name in judged:
         acts = touched(means([name]).mean - after.mean)
