@@ -35,6 +35,13 @@ class FilterLimits:
         high=1.0,
         why="outliers of single pixels occur at any amplitude: 0.5; around wrong unwrapping in nine sessions: 0.79 and more",
     )
+    around_unstable: float = param(
+        0.3,
+        "share of the holes that contain a pixel with a noise of its own, from which such pixels are what a filter removed",
+        low=0.0,
+        high=1.0,
+        why="unstable pixels: 0.69; wrong unwrapping beside unstable pixels: 0.05 (one session each)",
+    )
     quiet_lines: float = param(
         0.3, "loss of the quietest quarter of lines, over that of all", low=0.0, high=1.0, why="lost at random: 0.8; by a filter: 0.1"
     )

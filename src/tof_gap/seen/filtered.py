@@ -44,7 +44,7 @@ def failed_unwrapping(views: Sequence[ViewEvidence], holes: Sequence[Mask], limi
     note = f"the camera's filter removed {removed} of the pixels, around outliers in weak light; their jump is not seen"
     size = f"by a step that is not seen, since the camera removed these pixels: {removed} of all, in holes of 3 x 3 pixels in weak light"
     # An effect outside the vocabulary may make outliers, too.
-    return Finding(PhaseWrap(start_m=start, share=share), LOSS_CONFIDENT, note=note, size=size, structure=True)
+    return Finding(PhaseWrap(start_m=start, share=share), LOSS_CONFIDENT, note=note, size=size, structure=True, holes=tuple(holes))
 
 
 def filtered(views: Sequence[ViewEvidence], limits: MissingLimits) -> list[Mask]:

@@ -169,11 +169,12 @@ def dropout(
 
     predicted = ((v, 0.5 * (alike(v) + _around(v, own, apart, limits))) for v, own in zip(views, losses.share, strict=True))
     share = np.stack([single(np.where(v.frame.valid, rate, np.nan)) for v, rate in predicted])
-    half = _lost_below(light, gone, limits.half_lost, limits)
-    threshold, steepness = curve(light, gone) if loss.goes_with is GoesWith.LIGHT else (half, Dropout().steepness)
+    half, darkest = _lost_below(light, gone, limits.half_lost, limits), _darkest(light, gone, limits.half_lost)
+    by_light = loss.goes_with is GoesWith.LIGHT or (loss.goes_with is GoesWith.NOTHING and darkest and half == 0.0)
+    threshold, steepness = curve(light, gone) if by_light else (half, Dropout().steepness)
     effect = Dropout(threshold, steepness, min(random, 1.0))
     note = _of_median(effect.threshold, light, known=of_image is not None)
-    rare = half == 0.0 and random < limits.lost_share and not _darkest(light, gone, limits.half_lost)
+    rare = half == 0.0 and random < limits.lost_share and not darkest
     known = loss.goes_with in (GoesWith.LIGHT, GoesWith.NOTHING) and stated.includes(effect)
     too_weak = not known and random < limits.lost_share and _weak_or_few(loss, limits) and _too_weak(views, effect, law(), limits)
     why = f"a camera drops light by design whose depth is noisier than {limits.by_design_mm:g} mm" if too_weak else ""
@@ -239,7 +240,7 @@ def _around(view: ViewEvidence, lost_here: Float, apart: Sequence[int], limits: 
 def _darkest(light: Float, gone: Float, share: float) -> bool:
     """Whether more than this share of as many of the darkest pixels as are lost in all is lost: a threshold may lose fewer than a bin has."""
     count = max(round(float(gone.sum())), 1)
-    return float(gone[np.argpartition(light, count - 1)[:count]].mean()) > share
+    return float(gone[light <= np.partition(light, count - 1)[count - 1]].mean()) > share
 
 
 def _lost_below(light: Float, gone: Float, share: float, limits: MissingLimits) -> float:

@@ -20,7 +20,7 @@ from tof_gap.seen.photons import own_law
 from tof_gap.seen.repeated import repeated
 from tof_gap.seen.session import session_of
 from tof_gap.tell.figures import figures
-from tof_gap.tell.outliers import fails_to_merge, removed_outliers
+from tof_gap.tell.outliers import fails_to_merge, not_outliers
 from tof_gap.tell.own_light import of_own_light
 from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
@@ -204,11 +204,7 @@ def _findings(solved: Solved, config: GapConfig, stated: StatedNoise, left_out: 
     uneven = [*([] if foreign is None else [foreign]), *found]
     loss = next((f for f in gone if f.name == Dropout.NAME), None)
     by_filter = loss and (lost_by_lines(left, lines, config.missing) or lost_by_pixels(left, config.missing, loss.share))
-    kept = (
-        f
-        for f in gone
-        if not (removed_outliers(f, [*light, *uneven, *gone], config.missing.filter) or (by_filter and f.name == Dropout.NAME))
-    )
+    kept = (f for f in not_outliers(gone, [*light, *uneven], config.missing.filter) if not (by_filter and f.name == Dropout.NAME))
     uneven = [replace(f, expected=True) if stated.includes(f.effect) else f for f in uneven]
     return (*(f for f in light if not of_own_light(f, solved, uneven)), *uneven, *kept)
 

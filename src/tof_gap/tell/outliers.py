@@ -5,6 +5,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+from scipy.ndimage import label
+
+from tof_gap.seen.lost import NEIGHBOURS
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.phase_wrap import PhaseWrap
@@ -12,8 +16,18 @@ from tof_sensor.effects.phase_wrap import PhaseWrap
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from tof_core.arrays import Mask
     from tof_gap.limits.missing import FilterLimits
     from tof_gap.seen.finding import Finding
+
+
+def not_outliers(gone: Sequence[Finding], beside: Sequence[Finding], limits: FilterLimits) -> list[Finding]:
+    """What is `gone` but for pixels that may be outliers of effects `beside` or of wrong unwrapping, which a filter in the camera removed.
+
+    Wrapped pixels that another effect's outliers explain are none, and explain no loss.
+    """
+    wrapped = [f for f in gone if not (_removed_wraps(f) and removed_outliers(f, beside, limits))]
+    return [f for f in wrapped if _removed_wraps(f) or not removed_outliers(f, [*beside, *wrapped], limits)]
 
 
 def removed_outliers(loss: Finding, beside: Sequence[Finding], limits: FilterLimits) -> bool:
@@ -22,10 +36,10 @@ def removed_outliers(loss: Finding, beside: Sequence[Finding], limits: FilterLim
     Photon noise makes few outliers in bright light, and even in the dark not every pixel is one. Such loss is neither at random nor
     below a threshold (`rare`). Noise of every pixel at every amplitude makes outliers at random, as many as a filter's limit leaves.
     Pixels that are unwrapped wrongly are outliers at any amplitude. Pixels with a noise of their own are outliers too, more of them in
-    weak light, although their phase is unwrapped rightly.
+    weak light, although their phase is unwrapped rightly: the holes are then around these pixels.
     """
     if _removed_wraps(loss):
-        return any(f.own_noise is not None for f in beside)
+        return any(f.own_noise is not None and _share_around(f.own_noise, loss.holes) >= limits.around_unstable for f in beside)
     if not isinstance(loss.effect, Dropout):
         return False
     few_at_random = loss.effect.threshold == 0.0 and loss.effect.random < limits.outliers
@@ -33,6 +47,16 @@ def removed_outliers(loss: Finding, beside: Sequence[Finding], limits: FilterLim
         f.effect.makes_outliers and (loss.rare or f.effect.EVIDENCE is not Evidence.NOISE or (f.everywhere and few_at_random))
         for f in beside
     )
+
+
+def _share_around(pixels: Mask, holes: Sequence[Mask]) -> float:
+    """Share of the views' holes that contain one of these `pixels` (H, W); holes (H, W) per view."""
+    found = count = 0
+    for of_view in holes:
+        which, many = label(of_view, NEIGHBOURS)
+        found += len(np.unique(which[of_view & pixels]))
+        count += many
+    return found / max(count, 1)
 
 
 def fails_to_merge(found: Finding) -> bool:

@@ -10,7 +10,7 @@ import pytest
 
 from tof_gap.limits.missing import FilterLimits
 from tof_gap.seen.finding import Finding
-from tof_gap.tell.outliers import fails_to_merge, removed_outliers
+from tof_gap.tell.outliers import fails_to_merge, not_outliers, removed_outliers
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
@@ -54,13 +54,34 @@ def test_frequencies_fail_to_merge_where_single_pixels_jump_or_by_several_length
     assert fails_to_merge(Finding(wrap, 0.95, corrects=True)) is fails
 
 
+def wraps_removed(*at: tuple[int, int]) -> Finding:
+    """Wrong unwrapping of which a filter left holes of 3 x 3 pixels around these pixels of one view."""
+    holes = np.zeros((40, 40), bool)
+    for row, column in at:
+        holes[row - 1 : row + 2, column - 1 : column + 2] = True
+    return Finding(PhaseWrap(share=0.1), 0.6, holes=(holes,))
+
+
+def unstable(*at: tuple[int, int]) -> Finding:
+    """Noise of these pixels alone."""
+    own = np.zeros((40, 40), bool)
+    own[tuple(np.transpose(at))] = True
+    return Finding(Noise(extra_m=0.002), 0.95, own_noise=own)
+
+
 def test_holes_around_pixels_with_a_noise_of_their_own_are_no_failed_unwrapping() -> None:
-    holes, jumps = Finding(PhaseWrap(share=0.1), 0.6), Finding(PhaseWrap(share=0.1), 0.9, corrects=True)
-    single = Finding(Noise(extra_m=0.002), 0.95, own_noise=np.ones((2, 2), bool))
-    even = Finding(Noise(extra_m=0.002), 0.95)
+    holes, jumps = wraps_removed((5, 5), (20, 20)), Finding(PhaseWrap(share=0.1), 0.9, corrects=True)
+    single, even = unstable((5, 5), (20, 21)), Finding(Noise(extra_m=0.002), 0.95)
     assert removed_outliers(holes, [single, holes], LIMITS)
+    assert not removed_outliers(holes, [unstable((12, 12), (30, 8)), holes], LIMITS), "other pixels were removed"
     assert not removed_outliers(holes, [even, holes], LIMITS)
     assert not removed_outliers(jumps, [single, jumps], LIMITS), "jumps of one size are wrapped phases beside any noise"
+
+
+def test_wraps_that_unstable_pixels_explain_explain_no_loss() -> None:
+    loss, holes = Finding(Dropout(threshold=0.1), 0.9), wraps_removed((5, 5))
+    assert not_outliers([loss, holes], [unstable((5, 5))], LIMITS) == [loss]
+    assert not_outliers([loss, holes], [unstable((30, 30))], LIMITS) == [holes]
 
 
 @pytest.mark.parametrize(
