@@ -123,13 +123,12 @@ class _Cameras:
         outliers there. The score includes them.
         """
         limits = self.config.approach
-        few = _Looks.of([p.thinned(max(limits.slide_pixels, p.depth.size // 2)) for p in self.pixels])
         known = dict[bytes, float]()
 
         def cost(there: Float) -> float:
             place = there.tobytes()  # Every series of trials contains the best of the previous one.
             if place not in known:
-                known[place] = self.score(few, there)
+                known[place] = self.score(self.every, there)
             return known[place]
 
         for _ in range(limits.slide_rounds):
@@ -138,7 +137,7 @@ class _Cameras:
                 slid = _along(direction * self.prior_std, motion, cost, limits)
                 if cost(slid) > limits.slide_better * cost(motion):
                     continue
-                candidates = [(self.score(self.every, slid), slid), self.descend(slid, limits.slide_kernel_mm * 1e-3)[::-1]]
+                candidates = [(cost(slid), slid), self.descend(slid, limits.slide_kernel_mm * 1e-3)[::-1]]
                 found, moved = min(candidates, key=lambda c: c[0])
                 if found < limits.slide_better * score:
                     motion, score = moved, found

@@ -52,7 +52,6 @@ class ApproachLimits:
     slide_looks: int = param(10, "trials to either side", low=2, high=1000, why="every 8 mm for a prior of 50 mm; features are wider")
     slide_better: float = param(0.98, "ratio of scores below which a slide is kept", low=0.1, high=1.0, why="noise of a score")
     slide_kernel_mm: float = param(20.0, "kernel of the descent after a slide", unit="mm", low=1.0, why="the slide is near already")
-    slide_pixels: int = param(200, "least number of pixels of a view that scores slides", low=10, why="a score of fewer is noise")
 
 
 @dataclass(frozen=True, slots=True)
