@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Float, Mask
+    from tof_core.camera import Camera
     from tof_gap.limits.foreign import ForeignLampLimits, ForeignLightLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_scene.raycast import Raycaster
@@ -91,7 +92,9 @@ def foreign_lamp(views: Sequence[ViewEvidence], caster: Raycaster, limits: Forei
     if chi2_of(cells) <= limits.chi2 * sum(len(c.error) for c in cells if c is not None):
         return None
     found = _standing_out(cells, caster, limits.share, limits)
-    if found is None or not _stands_beside_common(found, beside_loudest_part(beside_common(cells)), caster, limits):
+    if found is None or (found.on_hand and _in_view(found.at_m, views[0].view.camera)):
+        return None
+    if not _stands_beside_common(found, beside_loudest_part(beside_common(cells)), caster, limits):
         return None
     hit = found.gains > max(limits.view_chi2, limits.view_share * found.gains.max())
     if hit.sum() < limits.views:
@@ -101,6 +104,12 @@ def foreign_lamp(views: Sequence[ViewEvidence], caster: Raycaster, limits: Forei
         for v, c, h in zip(views, cells, hit, strict=True)
     ]
     return ForeignLamp(found.at_m, found.on_hand, found.mhz, found.best / chi2_of(cells), hit, np.stack(fields))
+
+
+def _in_view(at_m: Float, camera: Camera) -> bool:
+    """Whether a place (3,) in the camera's frame lies in its image: a lamp on the hand would be seen there in every view."""
+    u, v = camera.project(at_m)
+    return bool(0.0 <= u <= camera.width and 0.0 <= v <= camera.height)
 
 
 def _stands_beside_common(found: _Search, cells: Sequence[Cells | None], caster: Raycaster, limits: ForeignLampLimits) -> bool:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What distinguishes lost pixels from measured ones: low amplitude, a limit of range, certain parts, or nothing."""
+"""What distinguishes lost pixels from measured ones: low or high amplitude, a limit of range, certain parts, or nothing."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ class GoesWith(Enum):
     """The one quantity that separates lost pixels from measured ones."""
 
     LIGHT = "light"
+    STRONG_LIGHT = "strong light"
     RANGE = "range"
     PARTS = "parts"
     NOTHING = "nothing"
@@ -30,6 +31,10 @@ REMEDY = {
     GoesWith.LIGHT: (
         "nothing if these surfaces are not needed: cameras drop weak pixels by design (confidence or amplitude threshold). "
         "Otherwise expose longer or come closer; a lower threshold returns these pixels with more noise"
+    ),
+    GoesWith.STRONG_LIGHT: (
+        "shorten the exposure or move away, where these surfaces are needed: a camera drops pixels that are near saturation, and pixels whose "
+        "samples contradict each other"
     ),
     GoesWith.RANGE: (
         "the camera's measuring range ends there: choose a mode, or a gate, whose range holds these surfaces, move the camera, or leave them out"
@@ -46,8 +51,8 @@ REMEDY = {
 class Loss:
     """Lost pixels: their share, the quantity that separates them, and indices of the scene's parts that carry most of them.
 
-    amplitude: threshold below which pixels are lost, in the unit of the amplitude image; NaN where the image does not show it.
-    of_median: the same over the median amplitude, by the CAD if `amplitude` is NaN. range_m: metres beyond which (`beyond`), or up to
+    amplitude: threshold below which pixels are lost, above which in strong light, in the unit of the amplitude image; NaN where the image
+    does not show it. of_median: the same over the median amplitude, by the CAD if `amplitude` is NaN. range_m: metres beyond which (`beyond`), or up to
     which, pixels are lost. weak: whether their amplitude is lower than the scene's albedo predicts; share_on: lost share of the pixels
     of `parts`.
     """
@@ -69,6 +74,8 @@ class Loss:
         if self.goes_with is GoesWith.LIGHT:
             stated = f"amplitude {self.amplitude:.3g}, {in_percent(self.of_median)} of the median" if np.isfinite(self.amplitude) else ""
             return f"{share}, those of weak light: below {stated or f'{in_percent(self.of_median)} of the median light'}"
+        if self.goes_with is GoesWith.STRONG_LIGHT:
+            return f"{share}, those of strong light: above {self.of_median:.2g} times the median light"
         if self.goes_with is GoesWith.RANGE:
             return f"{share}, those {'farther' if self.beyond else 'nearer'} than {self.range_m:.2f} m"
         if self.goes_with is GoesWith.PARTS:
@@ -105,7 +112,11 @@ def loss_of(gone: Float, amplitude: Float, light: Float, radial: Float, part: In
     if not weak and max(farther, 1.0 - farther) >= at:
         beyond = farther >= at
         return Loss(GoesWith.RANGE, share, carry, range_m=float(np.quantile(radial, 1.0 - share if beyond else share)), beyond=beyond)
-    by_light, by_part = lower(light, gone) >= limits.by_light, 1.0 - lower(rate[part], gone) >= limits.by_part
+    darker, by_part = lower(light, gone), 1.0 - lower(rate[part], gone) >= limits.by_part
+    by_light = darker >= limits.by_light
+    if not weak and 1.0 - darker >= limits.by_light:
+        limit = float(np.quantile(light, 1.0 - share))
+        return Loss(GoesWith.STRONG_LIGHT, share, carry, of_median=limit / max(float(np.median(light)), 1e-12))
     if by_part and not by_light:
         return Loss(GoesWith.PARTS, share, carry, weak=weak, share_on=float(gone[on].mean()))
     if not (by_light or weak):

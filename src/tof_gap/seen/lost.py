@@ -172,7 +172,7 @@ def dropout(
     half, darkest = _lost_below(light, gone, limits.half_lost, limits), _darkest(light, gone, limits.half_lost)
     by_light = loss.goes_with is GoesWith.LIGHT or (loss.goes_with is GoesWith.NOTHING and darkest and half == 0.0)
     threshold, steepness = curve(light, gone) if by_light else (half, Dropout().steepness)
-    effect = Dropout(threshold, steepness, min(random, 1.0))
+    effect = Dropout(threshold, steepness, loss.share if loss.goes_with is GoesWith.STRONG_LIGHT else min(random, 1.0))
     note = _of_median(effect.threshold, light, known=of_image is not None)
     rare = half == 0.0 and random < limits.lost_share and not darkest
     known = loss.goes_with in (GoesWith.LIGHT, GoesWith.NOTHING) and stated.includes(effect)
@@ -249,5 +249,8 @@ def _lost_below(light: Float, gone: Float, share: float, limits: MissingLimits) 
     edges = np.quantile(light, np.linspace(0, 1, bins + 1))
     within = ((light >= low) & (light < high) for low, high in pairwise([-np.inf, *edges[1:-1], np.inf]))
     rate = np.array([gone[these].mean() if these.any() else 0.0 for these in within])
-    dark = np.flatnonzero(rate > share)
+    of_darker = np.cumsum(rate) / np.arange(
+        1, bins + 1
+    )  # A camera may lose its brightest pixels, too: all that is darker must be lost with a bin.
+    dark = np.flatnonzero((rate > share) & (of_darker > share))
     return float(edges[dark.max() + 1]) if len(dark) else 0.0

@@ -237,8 +237,8 @@ def _lacking(judge: Selector, current: Hypothesis, place: int) -> float:
     """Chi-square that the member at `place` may win because the maps of other members are incomplete (`Effect.LACKS`)."""
     effects = [judge.design.candidates[m].effect for m in current.members]
     of_part = getattr(effects[place], "part", -1) >= 0
-    short = [(i, e.LACKS_ON_A_PART if of_part else e.LACKS) for i, e in enumerate(effects) if e is not None and e.LACKS and i != place]
-    return max((lacks * _along(judge, current, place, [i]) for i, lacks in short), default=0.0)
+    short = [(i, e.LACKS_ON_A_PART if of_part else e.LACKS) for i, e in enumerate(effects) if e is not None and i != place]
+    return max((lacks * _along(judge, current, place, [i]) for i, lacks in short if lacks), default=0.0)
 
 
 def _absorbable(judge: Selector, current: Hypothesis, place: int) -> float:

@@ -57,14 +57,14 @@ def noisy(errors: Float) -> list[ViewEvidence]:
     ]
 
 
-def lit(strength: Float, *, on_hand: bool = False, caster: Raycaster = NOTHING) -> list[ViewEvidence]:
+def lit(strength: Float, *, on_hand: bool = False, at_m: Float = ON_HAND, caster: Raycaster = NOTHING) -> list[ViewEvidence]:
     """Views with light of another lamp, strength (V,) metres where own and foreign way are alike, with a phase of its own in each; `caster` casts shadows."""
     T = poses()
     quiet = noisy(np.zeros((VIEWS, *SHAPE)))
     turns = np.random.default_rng(4).uniform(0, 2 * np.pi, VIEWS)
     errors = []
     for seen, t, size, turn in zip(quiet, T, strength, turns, strict=True):
-        lamp = ON_HAND if on_hand else np.linalg.inv(t)[:3] @ [*IN_CELL, 1.0]
+        lamp = at_m if on_hand else np.linalg.inv(t)[:3] @ [*IN_CELL, 1.0]
         way = lamp - seen.frame.points
         d, r = np.linalg.norm(way, axis=-1), seen.frame.radial
         facing = np.maximum(np.einsum("hwi,hwi->hw", way, seen.frame.rendering.normal) / d, 0)
@@ -108,6 +108,10 @@ def test_a_lamp_that_rides_on_the_hand_is_told_from_one_in_the_cell() -> None:
     assert found.on_hand
     np.testing.assert_allclose(found.at_m, ON_HAND, atol=0.21)
     assert "on the camera's hand" in found.stated
+
+
+def test_a_lamp_that_would_be_seen_in_every_image_is_none() -> None:
+    assert foreign_lamp(lit(np.full(VIEWS, 0.01), on_hand=True, at_m=np.array([0.0, 0.0, 0.2])), NOTHING, LIMITS) is None
 
 
 def test_views_that_its_light_does_not_reach_are_not_hit() -> None:

@@ -51,6 +51,15 @@ def test_a_threshold_of_amplitude_is_found_with_its_value(pixels: Pixels) -> Non
     assert "by design" in found.remedy
 
 
+def test_pixels_that_are_too_bright_are_told_from_those_of_weak_light(pixels: Pixels) -> None:
+    limit = float(np.quantile(pixels.light, 0.96))
+    found = pixels.loss(pixels.light > limit)
+    assert found.goes_with is GoesWith.STRONG_LIGHT
+    assert found.of_median == pytest.approx(limit / np.median(pixels.light), rel=0.01)
+    assert found.size == f"4 % of the pixels, those of strong light: above {found.of_median:.2g} times the median light"
+    assert found.remedy.startswith("shorten the exposure")
+
+
 @pytest.mark.parametrize("of_lost", [np.nan, 0.0], ids=["no image", "0 where lost"])
 def test_where_lost_pixels_have_no_amplitude_the_light_of_the_cad_decides(pixels: Pixels, of_lost: float) -> None:
     lost = pixels.amplitude < THRESHOLD

@@ -90,6 +90,17 @@ def test_the_amplitude_below_which_pixels_are_lost_is_in_the_unit_of_the_amplitu
     assert found.remedy.startswith("nothing if these surfaces are not needed: cameras drop weak pixels by design")
 
 
+def test_a_loss_of_the_brightest_pixels_has_no_threshold_in_weak_light() -> None:
+    made, share = dwelled(0.0), 0.06
+    limit = np.quantile([lambert_amplitude(v.rendering) for v in made], 1.0 - share)
+    lost = [replace(v.view, count=np.where(lambert_amplitude(v.rendering) > limit, 0, v.view.count)) for v in made]
+    (found,) = missing_effects([replace(v, view=view) for v, view in zip(made, lost, strict=True)], MissingLimits())
+    assert isinstance(found.effect, Dropout)
+    assert found.effect.threshold == 0.0
+    assert found.effect.random == pytest.approx(share, abs=0.01)
+    assert "those of strong light" in found.size
+
+
 def test_the_fitted_loss_simulated_loses_as_many_pixels_as_the_session_lost() -> None:
     lost, _ = dark_lost()
     (found,) = missing_effects(lost, MissingLimits())

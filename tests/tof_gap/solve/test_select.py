@@ -29,6 +29,7 @@ from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.multipath import Multipath
 from tof_sensor.effects.range_offset import RangeOffset
+from tof_sensor.effects.specular import Specular
 from tof_sensor.effects.subsurface import Subsurface
 from tof_sensor.effects.temperature_drift import TemperatureDrift
 from tof_sensor.effects.wiggling import Wiggling
@@ -175,7 +176,13 @@ def test_what_a_rough_map_leaves_is_nobodys() -> None:
 
 @pytest.mark.parametrize(
     ("first", "second", "lacks"),
-    [(Multipath(), AmplitudeBias(), 0.12), (Multipath(), CadDeviation(part=0), 1.0), (Wiggling(), AmplitudeBias(), 0.0)],
+    [
+        (Multipath(), AmplitudeBias(), 0.12),
+        (Multipath(), CadDeviation(part=0), 1.0),
+        (Specular(part=0), CadDeviation(part=0), 0.3),
+        (Specular(part=0), AmplitudeBias(), 0.0),
+        (Wiggling(), AmplitudeBias(), 0.0),
+    ],
 )
 def test_reference_multipath_an_effect_must_win_more_than_its_map_may_lack(first: Effect, second: Effect, lacks: float) -> None:
     """A map of size 3 on 4800 pixels, of which an effect nearly along it could absorb 98 %: the map may be short by a share of that.
