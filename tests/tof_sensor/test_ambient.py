@@ -125,6 +125,19 @@ def test_three_quarters_of_all_views_must_show_the_light(unseen: int, *, found: 
     assert (Ambient.detect(replace(lit, views=(nothing,) * (VIEWS + unseen))) is not None) == found
 
 
+@pytest.mark.parametrize(
+    ("lit", "ending"), [(0.0, "pixels are noisier"), (1.0, "here noise is 1.4 times that of the photon law in --sensor")]
+)
+def test_under_automatic_exposure_the_noise_is_stated_and_its_cause_is_not(lit: float, ending: str) -> None:
+    noise = session(0.0).noise
+    assert noise is not None
+    usual = LAW.variance(noise.amplitude, noise.surroundings2).reshape(VIEWS, BINS)
+    reason = Ambient.not_testable(replace(session(lit * usual), has_amplitude=True, exposed=True))
+    assert reason is not None
+    assert reason.startswith("exposure is automatic")
+    assert reason.endswith(ending)
+
+
 @pytest.mark.parametrize(("twice", "found"), [("light", True), ("law", False)])
 def test_where_most_of_the_law_is_light_off_the_surfaces_more_of_it_is_told_from_a_larger_law(twice: str, *, found: bool) -> None:
     """More light enlarges such a law nearly as a whole: the excess grows over range by an exponent of 0.1, and of 0 under half of the exposure."""

@@ -129,7 +129,9 @@ class Ambient(Effect):
         if not session.has_amplitude:
             return NO_AMPLITUDE
         if session.exposed:
-            return "exposure is automatic, or long and short exposures are merged: brighter views or pixels are noisier"
+            found = _compared(session)
+            more = "" if found is None or found.excess < LEAST_EXCESS else f"; here noise is {found.times:.1f} times that of the photon law in --sensor"
+            return f"exposure is automatic, or long and short exposures are merged: brighter views or pixels are noisier{more}"
         if session.noise_of_steps:
             return "noise grows with the steps of the fixed pattern: the camera averages over fewer neighbours there than the photon law assumes"
         if session.law is None:
@@ -137,9 +139,8 @@ class Ambient(Effect):
         found = None if session.averages else _compared(session)
         if found is None or found.less + found.light < LEAST_EXCESS or found.is_light:
             return ""
-        times = float(np.sqrt(1.0 + found.excess))
         return (
-            f"noise is {times:.1f} times that of the photon law in --sensor at all amplitudes, as with a shorter exposure, a weaker lamp or a "
+            f"noise is {found.times:.1f} times that of the photon law in --sensor at all amplitudes, as with a shorter exposure, a weaker lamp or a "
             "frequency that hardly returns: compare the camera's mode with that of the session of sensor.yaml"
         )
 
@@ -173,6 +174,11 @@ class _Compared(NamedTuple):
     views: float
     terms: Float
     known: bool
+
+    @property
+    def times(self) -> float:
+        """Median standard deviation over the law's."""
+        return float(np.sqrt(1.0 + self.excess))
 
     @property
     def is_light(self) -> bool:
