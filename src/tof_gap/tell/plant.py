@@ -44,6 +44,8 @@ NEAR_PX = 5
 """Side of the window whose majority decides whether an effect acts: white offsets touch three of four pixels, and so every window."""
 
 
+MANY = 3
+"""Rivals of an effect from which on its own remedy is not stated: one of four would be right."""
 NO_DEPTH = "these pixels have no depth, and the others are not affected"
 """Cost of lost pixels."""
 
@@ -69,11 +71,19 @@ class Words:
         """All fields in a few sentences."""
         head = f"{'perhaps ' * self.suspected}{spaced(self.effect)}: {self.what}"
         details = "; ".join(x for x in (self.size, self.where) if x)
+        if len(self.rivals) >= MANY:
+            return self._one_of_many(details)
         tied = f" Or {listed([spaced(r) for r in self.rivals], 'or')}, which this session cannot separate from it." if self.rivals else ""
         sure = f"{self.unsure} to be sure of it. If it is confirmed" if self.suspected else "To do"
         todo = f" {sure}: {self.remedy}." if self.remedy else ""
         cost = f" If nothing is done, {self.cost}." if self.cost and not self.suspected else ""
         return f"{head[0].upper()}{head[1:]}{f' ({details})' if details else ''}.{tied}{todo}{cost}"
+
+    def _one_of_many(self, details: str) -> str:
+        """What a session shows that fits many effects: the remedy of one of them would most likely be that of another one's error."""
+        names = listed([f"{spaced(self.effect)}{f' ({details})' if details else ''}", *map(spaced, self.rivals)], "or")
+        todo = "To do: calibrate nothing for it yet; the report's advice says what separates them"
+        return f"{'Perhaps one' if self.suspected else 'One'} of {1 + len(self.rivals)} effects that this session cannot separate: {names}. {todo}."
 
 
 def plant_words(d: Diagnosis, scene: Scene) -> list[Words]:

@@ -130,7 +130,11 @@ class Ambient(Effect):
             return NO_AMPLITUDE
         if session.exposed:
             found = _compared(session)
-            more = "" if found is None or found.excess < LEAST_EXCESS else f"; here noise is {found.times:.1f} times that of the photon law in --sensor"
+            more = (
+                ""
+                if found is None or found.excess < LEAST_EXCESS
+                else f"; here noise is {found.times:.1f} times that of the photon law in --sensor"
+            )
             return f"exposure is automatic, or long and short exposures are merged: brighter views or pixels are noisier{more}"
         if session.noise_of_steps:
             return "noise grows with the steps of the fixed pattern: the camera averages over fewer neighbours there than the photon law assumes"

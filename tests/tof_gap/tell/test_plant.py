@@ -129,6 +129,14 @@ def test_offsets_of_every_pixel_act_on_all_of_them_though_some_are_near_nought()
     assert acts(0.003, list(white)) == "3.0 mm RMS over 50 % of the pixels, 1.9 mm over all"
 
 
+def test_of_many_effects_that_the_session_cannot_separate_none_has_a_remedy() -> None:
+    wiggling, _ = plant_words(diagnosis(ties=("depth_scale", "range_offset", "hand_eye")), SCENE)
+    assert wiggling.sentence() == (
+        "One of 4 effects that this session cannot separate: wiggling (±5.0 mm every 0.37 m of range; on panel), depth scale, range offset or "
+        "hand eye. To do: calibrate nothing for it yet; the report's advice says what separates them."
+    )
+
+
 def test_rivals_that_the_session_cannot_separate_stand_beside_the_name() -> None:
     words, _ = plant_words(diagnosis(ties=("range_offset", "hand_eye")), SCENE)
     assert "Or range offset or hand eye, which this session cannot separate from it. To do: " in words.sentence()
