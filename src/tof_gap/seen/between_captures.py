@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ from tof_gap.seen.finding import CONFIDENT, Finding
 from tof_gap.seen.foreign_light import interference
 from tof_gap.seen.photons import between_captures2, binned, code_step, fit_law
 from tof_gap.seen.residual import single
+from tof_sensor.effects.interference import Interference
 from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
@@ -26,6 +28,14 @@ EVERY = 7
 """One of so many pixels is fitted: thousands of a view."""
 CAP = 12.0
 """Variance between captures over the photon law's, beyond which a pixel counts no more: an edge."""
+
+
+def as_captures_step(found: Finding, views: Sequence[ViewEvidence], limits: NoiseLimits) -> Finding:
+    """Foreign light with the size by which captures of a dwell step, where that is more than what poses and the mean of a dwell leave."""
+    steps = stepping_captures(views, limits)
+    if steps is None or not (isinstance(steps.effect, Interference) and isinstance(found.effect, Interference)):
+        return found
+    return replace(found, effect=replace(found.effect, burst_m=max(steps.effect.burst_m, found.effect.burst_m)))
 
 
 def stepping_captures(views: Sequence[ViewEvidence], limits: NoiseLimits) -> Finding | None:

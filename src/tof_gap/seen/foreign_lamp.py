@@ -11,7 +11,7 @@ import numpy as np
 from tof_core.cores import in_threads
 from tof_core.stats import beside
 from tof_gap.seen.finding import CONFIDENT, Finding
-from tof_gap.seen.foreign_light import field, interference
+from tof_gap.seen.foreign_light import field, interference, of_capture
 from tof_gap.seen.lamp_cells import STEEPEST, Cells, beside_common, beside_loudest_part, cells_of, chi2_of, ridged
 from tof_gap.seen.lamp_light import gains_at, lag_of, waves_from
 from tof_sensor.frame import waves_per_m
@@ -63,17 +63,17 @@ class ForeignLamp:
         views = f"{int(self.hit.sum())} of {len(self.hit)} views"
         return f"fringes as of a lamp {frame} ({', '.join(f'{x:.1f}' for x in self.at_m)}) m, in {views}"
 
-    def finding(self, views: Sequence[ViewEvidence], limits: ForeignLightLimits) -> Finding:
-        """The finding `interference`, with the light's RMS in the views that have it.
+    def finding(self, views: Sequence[ViewEvidence], limits: ForeignLightLimits, posed_m: float = 0.0) -> Finding:
+        """The finding `interference`, with the light's RMS in the captures that have it; posed_m: metres RMS of it that poses absorbed.
 
         A smooth field of the same views (`limits`) contains what the model lacks: the lamp's beam, and further lamps.
         """
         lit = np.stack([v.smooth for v in views]) & self.hit[:, None, None]
         rest = [field(replace(v, residual=v.residual - f), limits) for v, f in zip(views, self.fields, strict=True)]
         fields = self.fields + np.stack(rest) * self.hit[:, None, None]
-        size = float(np.sqrt(np.mean(fields[lit] ** 2)))
-        effect = interference(views, size, duty=float(self.hit.mean()))
-        return Finding(effect, CONFIDENT, share=np.where(lit, np.abs(fields), 0.0), common=fields, note=self.stated)
+        size = float(np.hypot(np.sqrt(np.mean(fields[lit] ** 2)), posed_m))
+        effect = interference(views, of_capture(views, size), duty=float(self.hit.mean()))
+        return Finding(effect, CONFIDENT, share=np.where(lit, np.abs(fields), 0.0), common=fields, note=self.stated, posed_m=posed_m)
 
 
 def foreign_lamp(views: Sequence[ViewEvidence], caster: Raycaster, limits: ForeignLampLimits) -> ForeignLamp | None:

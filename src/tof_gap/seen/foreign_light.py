@@ -62,9 +62,10 @@ def foreign_light(
     if size < np.median(explained_m(views, fields)):
         return None
     share = np.stack([np.where(v.smooth, np.hypot(f, size), np.nan) for v, f in zip(views, fields, strict=True)])
-    note = f"every capture is off along the view by an amount of its own, {1e3 * size:.1f} mm RMS"
+    each = of_capture(views, size)
+    note = f"every capture is off along the view by an amount of its own, {1e3 * each:.1f} mm RMS"
     return Finding(
-        interference(views, size, duty=1.0), CONFIDENT, share=share, common=np.stack(fields), note=note, posed_m=size, structure=True
+        interference(views, each, duty=1.0), CONFIDENT, share=share, common=np.stack(fields), note=note, posed_m=size, structure=True
     )
 
 
@@ -124,8 +125,13 @@ def drifts_by_chance(drift: Sequence[Float], posed_m: float, limits: ForeignLigh
     return bool(fdtrc(limits.drift_terms, left, explained * left / (len(of_view) * posed_m**2)) > limits.chance)
 
 
+def of_capture(views: Sequence[ViewEvidence], size_m: float) -> float:
+    """Metres of one capture's error by foreign light, of which the views' means of several captures have `size_m`: each has a phase of its own."""
+    return size_m * float(np.sqrt(np.mean([v.view.captures for v in views])))
+
+
 def interference(views: Sequence[ViewEvidence], size_m: float, *, duty: float) -> Interference:
-    """The effect with `size_m` metres RMS at the median amplitude of the views, in the share `duty` of them."""
+    """The effect with `size_m` metres RMS in a capture at the median amplitude of the views, in the share `duty` of them."""
     reference = float(np.median(np.concatenate([v.frame.amplitude[v.smooth] for v in views])))
     return Interference(burst_m=min(size_m, most(Interference, "burst_m")), duty=duty, reference=reference)
 

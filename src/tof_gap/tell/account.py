@@ -11,6 +11,7 @@ import numpy as np
 from tof_core.memory import give_back
 from tof_gap.seen import detected, missing, noise
 from tof_gap.seen.arm_steps import chance_of_following, contents, over_prior, sagging
+from tof_gap.seen.between_captures import as_captures_step
 from tof_gap.seen.finding import not_expected
 from tof_gap.seen.foreign_lamp import foreign_lamp
 from tof_gap.seen.foreign_light import ALONG, along_the_view, drifts_by_chance, foreign_light
@@ -229,10 +230,10 @@ def _foreign(solved: Solved, lines: Sequence[LineNoise], config: GapConfig, *, a
         found = None
     lamp = foreign_lamp(left, solved.caster, config.noise.foreign_lamp)
     if lamp is not None:
-        found = replace(lamp.finding(left, limits), posed_m=0.0 if found is None else found.posed_m)
+        found = lamp.finding(left, limits, 0.0 if found is None else found.posed_m)
     if found is None or repeated(left, found.common, config.noise.repeated, steps2(solved) * (found.posed_m > 0)):
         return None
-    return found
+    return as_captures_step(found, left, config.noise)
 
 
 def _piled_up(solved: Solved) -> bool:

@@ -13,7 +13,8 @@ from tests.tof_gap import two_walls
 from tests.tof_gap.quiet_views import SHAPE, VIEWS
 from tests.tof_gap.two_walls import NOISE_M
 from tof_gap.limits.seen import NoiseLimits
-from tof_gap.seen.between_captures import stepping_captures
+from tof_gap.seen.between_captures import as_captures_step, stepping_captures
+from tof_gap.seen.finding import Finding
 from tof_gap.seen.noise import noise_effects
 from tof_sensor.effects.interference import Interference
 from tof_sensor.geometry import pose_columns
@@ -62,6 +63,16 @@ def test_captures_that_step_in_proportion_to_the_way_of_the_light_are_interferen
     assert found.effect.burst_m == pytest.approx(1.5 * NOISE_M, rel=0.2)
     (named,) = noise_effects(dwells(by_light(1.5)), LIMITS)
     assert named.name == "interference"
+
+
+@pytest.mark.parametrize(("found_m", "stated_m"), [(0.1 * NOISE_M, 1.5 * NOISE_M), (3.0 * NOISE_M, 3.0 * NOISE_M)])
+def test_foreign_light_is_as_large_as_captures_step_where_poses_and_means_hide_it(found_m: float, stated_m: float) -> None:
+    found = Finding(Interference(burst_m=found_m, duty=0.8), 0.95)
+    stated = as_captures_step(found, dwells(by_light(1.5)), LIMITS).effect
+    assert isinstance(stated, Interference)
+    assert stated.burst_m == pytest.approx(stated_m, rel=0.2)
+    assert stated.duty == 0.8
+    assert as_captures_step(found, dwells(by_light(0.0)), LIMITS) is found
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from tof_gap.seen.lamp_cells import beside_common, beside_loudest_part, beside_p
 from tof_scene.builtin.shapes import box
 from tof_scene.raycast import Raycaster
 from tof_scene.scene import Part, Scene
+from tof_sensor.effects.interference import Interference
 from tof_sensor.frame import LIGHT_M_PER_S
 from tof_sensor.geometry import pose_columns
 
@@ -132,6 +133,20 @@ def test_its_light_is_interference_by_its_size_in_the_views_it_reaches() -> None
     assert finding.common is not None
     left = (added - finding.common)[smooth]
     assert np.sqrt(np.mean(left**2)) < 0.4 * np.std(added[smooth]), "a place half a metre off leaves a sixth of the energy at most"
+
+
+def test_its_size_is_that_of_one_capture_and_with_what_poses_absorbed() -> None:
+    seen = lit(np.full(VIEWS, 0.01))
+    lamp, limits = found_in(seen), ForeignLightLimits()
+    one = lamp.finding(seen, limits).effect
+    of_four = [replace(v, view=replace(v.view, captures=4)) for v in seen]
+    assert isinstance(one, Interference)
+    absorbed, each = lamp.finding(seen, limits, posed_m=0.02), lamp.finding(of_four, limits).effect
+    assert isinstance(absorbed.effect, Interference)
+    assert isinstance(each, Interference)
+    assert each.burst_m == pytest.approx(2.0 * one.burst_m)
+    assert absorbed.effect.burst_m == pytest.approx(np.hypot(one.burst_m, 0.02))
+    assert absorbed.posed_m == 0.02
 
 
 def patches() -> Float:
