@@ -25,7 +25,6 @@ SEED = 40
 COUNT, SIZE = FORMS["short"]
 
 VERDICTS = {
-    1: ("null", ("none",)),
     5: ("single-small", ("flying_pixels",)),
     10: ("left-out", ("unknown",)),
     17: ("pair", ("dropout", "noise")),
@@ -33,7 +32,8 @@ VERDICTS = {
     24: ("single-usual", ("hand_eye",)),
     31: ("pair", ("fixed_pattern", "phase_wrap")),
 }
-"""Kind and verdict of a case, by its number in the draw: each kind and each scene, and effects in depth, noise, loss and poses."""
+"""Kind and verdict of a case, by its number in the draw: each kind but sessions without an effect, which `tests/tof_gap/test_diagnose.py` and the
+emerging camera's tests have, each scene, and effects in depth, noise, loss and poses."""
 
 
 def scored(number: int, folder: Path) -> Row:
