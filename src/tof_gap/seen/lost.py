@@ -249,8 +249,7 @@ def _lost_below(light: Float, gone: Float, share: float, limits: MissingLimits) 
     edges = np.quantile(light, np.linspace(0, 1, bins + 1))
     within = ((light >= low) & (light < high) for low, high in pairwise([-np.inf, *edges[1:-1], np.inf]))
     rate = np.array([gone[these].mean() if these.any() else 0.0 for these in within])
-    of_darker = np.cumsum(rate) / np.arange(
-        1, bins + 1
-    )  # A camera may lose its brightest pixels, too: all that is darker must be lost with a bin.
+    # A camera may lose its brightest pixels, too: below a threshold, all that is darker must be lost with a bin.
+    of_darker = np.cumsum(rate) / np.arange(1, bins + 1)
     dark = np.flatnonzero((rate > share) & (of_darker > share))
     return float(edges[dark.max() + 1]) if len(dark) else 0.0
