@@ -25,8 +25,9 @@ LEAST_EXCESS = 0.25
 noise, fitted beside it, leave 0.12 at most in 28 healthy sessions of the emerging camera, whose variance exceeds the law by up to 220 %, and
 0.22 in a later one, whose noise rises toward grazing surfaces."""
 LEAST_SHARE = 0.75
-"""Least share of the views with half of that excess, of all views: ambient light does not come in bursts, and few views that are left of a
-session, where the others lost most pixels, do not speak for it."""
+"""Least share of the views with half of that excess, of those whose noise is known: ambient light does not come in bursts."""
+LEAST_KNOWN = 0.5
+"""Least share of all views whose noise is known: few views that are left of a session, where the others lost most pixels, do not speak for it."""
 LEAST_BINS = 12
 """Fewest amplitude bins from which a dependence on amplitude can be judged."""
 SURFACE_LEAST = 0.1
@@ -152,7 +153,13 @@ class Ambient(Effect):
     def detect(cls, session: Session) -> Detection | None:
         """Noise beyond the law of `--sensor`, in most views, with the amplitude dependence of ambient light."""
         found = _compared(session)
-        if found is None or found.light < LEAST_EXCESS or found.views < LEAST_SHARE or not (found.is_light and found.known):
+        if (
+            found is None
+            or found.light < LEAST_EXCESS
+            or found.views < LEAST_SHARE
+            or found.known_views < LEAST_KNOWN
+            or not (found.is_light and found.known)
+        ):
             return None
         assert session.law is not None
         surface, uniform = np.sqrt(found.terms)
@@ -166,8 +173,9 @@ class _Compared(NamedTuple):
     """Noise beyond the law of `--sensor`, medians over the bins in variances of the law.
 
     excess: as measured; light: by foreign light; less: by less light of the camera's own, the law times a factor or 1/A; grows: exponent
-    (`GROWS`); by_light: the exponent if all of the excess were light off the surfaces; views: share of the views that show at least half of `LEAST_EXCESS`; terms: (2,) m^2, light off the surfaces and uniform
-    light; known: whether light is needed, and found without the darkest bins.
+    (`GROWS`); by_light: the exponent if all of the excess were light off the surfaces; known_views: share of all views whose noise is
+    known; views: share of these that show at least half of `LEAST_EXCESS`; terms: (2,) m^2, light off the surfaces and uniform light;
+    known: whether light is needed, and found without the darkest bins.
     """
 
     excess: float
@@ -176,6 +184,7 @@ class _Compared(NamedTuple):
     grows: float
     by_light: float
     views: float
+    known_views: float
     terms: Float
     known: bool
 
@@ -218,7 +227,8 @@ def _compared(session: Session) -> _Compared | None:
         less=float(np.median(own[:, LESS_LIGHT] @ fitted[LESS_LIGHT] / predicted)),
         grows=_grows(bins, bins.variance, predicted),
         by_light=_grows(bins, predicted + foreign[:, 0] * max(float(np.median(excess / foreign[:, 0])), 0.0), predicted),
-        views=float((of_view > 0.5 * LEAST_EXCESS).sum() / max(len(session.views), len(of_view))),
+        views=float((of_view > 0.5 * LEAST_EXCESS).mean()),
+        known_views=len(of_view) / max(len(session.views), len(of_view)),
         terms=fitted[own.shape[1] :],
         known=bool(known),
     )
