@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -162,6 +162,7 @@ def detectors(monkeypatch: pytest.MonkeyPatch, **given: Any) -> dict[str, Any]:
     monkeypatch.setattr(missing, "missing_effects", says("gone", []))
     monkeypatch.setattr(noise, "noise_effects", says("noise", []))
     monkeypatch.setattr(room, "repeated", says("repeated", False))
+    monkeypatch.setattr(room, "as_captures_step", lambda found, views, _limits: found if views == "bare" else None)
     monkeypatch.setattr(room, "steps2", lambda _solved: 4e-6)
     monkeypatch.setattr(noise, "lines_found", lambda _views, _limits: ["rows"])
     monkeypatch.setattr(noise, "beside_lines", lambda views, lines: (views, "beside", *lines))
@@ -254,7 +255,9 @@ def test_arm_errors_say_nothing_of_light_unshared_motion_and_without_an_arm(
 @pytest.mark.parametrize(("foreign", "posed_m"), [(None, 0.0), (LIGHT, 2e-3)])
 def test_a_lamp_whose_place_is_known_is_the_foreign_light(monkeypatch: pytest.MonkeyPatch, foreign: Any, posed_m: float) -> None:
     named = Finding(Interference(burst_m=0.004), 0.95)
-    lamp = SimpleNamespace(finding=lambda views, limits: named if (views, limits) == ("bare", FIELDS) else None)
+    lamp = SimpleNamespace(
+        finding=lambda views, limits, of_m: replace(named, posed_m=of_m) if (views, limits) == ("bare", FIELDS) else None
+    )
     told = detectors(monkeypatch, foreign=foreign, lamp=lamp)
     (found,) = findings_of()
     assert (found.effect, found.posed_m) == (named.effect, posed_m)
@@ -264,7 +267,7 @@ def test_a_lamp_whose_place_is_known_is_the_foreign_light(monkeypatch: pytest.Mo
 def test_what_a_filter_removed_is_no_loss_and_failed_merging_is_told_to_noise(monkeypatch: pytest.MonkeyPatch) -> None:
     """Foreign light beside frequencies that are merged wrongly cannot be told from their noise."""
     own = Finding(Noise(extra_m=0.002), 0.9, own_noise=np.ones((2, 2), bool))
-    removed, kept = Finding(PhaseWrap(), 0.6), Finding(PhaseWrap(share=0.9), 0.9, corrects=True)
+    removed, kept = Finding(PhaseWrap(), 0.6, holes=(np.eye(2, dtype=bool),)), Finding(PhaseWrap(share=0.9), 0.9, corrects=True)
     for gone, scatter, unmerged, expected in (
         ([removed], [own], True, (own,)),
         ([removed], [FOUND], True, (FOUND, removed)),
