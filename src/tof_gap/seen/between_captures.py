@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tof_gap.seen.finding import CONFIDENT, Finding
+from tof_gap.seen.finding import CONFIDENT, Finding, most
 from tof_gap.seen.foreign_light import interference
 from tof_gap.seen.photons import between_captures2, binned, code_step, fit_law
 from tof_gap.seen.residual import single
@@ -18,7 +18,7 @@ from tof_sensor.geometry import pose_columns
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Ints
     from tof_gap.limits.seen import NoiseLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_sensor.effects.photon_law import PhotonLaw
@@ -30,16 +30,40 @@ CAP = 12.0
 """Variance between captures over the photon law's, beyond which a pixel counts no more: an edge."""
 
 
+class Steps(NamedTuple):
+    """Steps of the whole image from capture to capture.
+
+    hit (h,): dwells that have them, of the number `dwells`; light_m: metres at r^2 / cos(incidence) = 1 m^2; size_m: metres at the median.
+    """
+
+    hit: Ints
+    dwells: int
+    light_m: float
+    size_m: float
+
+
 def as_captures_step(found: Finding, views: Sequence[ViewEvidence], limits: NoiseLimits) -> Finding:
     """Foreign light with the size by which captures of a dwell step, where that is more than what poses and the mean of a dwell leave."""
-    steps = stepping_captures(views, limits)
-    if steps is None or not (isinstance(steps.effect, Interference) and isinstance(found.effect, Interference)):
+    steps = steps_of(views, limits)
+    if steps is None or not isinstance(found.effect, Interference) or steps.size_m <= found.effect.burst_m:
         return found
-    return replace(found, effect=replace(found.effect, burst_m=max(steps.effect.burst_m, found.effect.burst_m)))
+    return replace(found, effect=replace(found.effect, burst_m=min(steps.size_m, most(Interference, "burst_m"))))
 
 
 def stepping_captures(views: Sequence[ViewEvidence], limits: NoiseLimits) -> Finding | None:
-    """`interference` where captures of a dwell differ by more than neighbouring pixels do, as foreign light makes them differ.
+    """`interference` where captures of a dwell differ by more than neighbouring pixels do, as foreign light makes them differ (`steps_of`)."""
+    steps = steps_of(views, limits)
+    if steps is None:
+        return None
+    share = [_of_mean(v, steps.light_m * (number in steps.hit)) for number, v in enumerate(views)]
+    of_all = f"{len(steps.hit)} of {steps.dwells} dwells"
+    note = f"the whole image steps from capture to capture by {1e3 * steps.size_m:.1f} mm RMS, in {of_all}"
+    effect = interference(views, steps.size_m, duty=len(steps.hit) / steps.dwells)
+    return Finding(effect, CONFIDENT, share=np.stack(share), note=note)
+
+
+def steps_of(views: Sequence[ViewEvidence], limits: NoiseLimits) -> Steps | None:
+    """The steps from capture to capture; None where captures of a dwell differ as neighbouring pixels do, or as a swaying hand makes them.
 
     Foreign modulated light adds a phasor with a phase of its own in every capture, so depth steps by an amount in proportion to foreign
     over own light: r^2 / cos(incidence), whatever the albedo. It is in the variance between captures and not among neighbours. The mean of
@@ -60,10 +84,8 @@ def stepping_captures(views: Sequence[ViewEvidence], limits: NoiseLimits) -> Fin
     if of_all < limit.of_light:
         return None
     way = np.concatenate([v.frame.surroundings_m2[v.smooth] for v in stepping])
-    size, duty = float(np.sqrt(by_light2) * np.median(way)), len(hit) / len(dwells)
-    share = [_of_mean(v, np.sqrt(by_light2) * (number in hit)) for number, v in enumerate(views)]
-    note = f"the whole image steps from capture to capture by {1e3 * size:.1f} mm RMS, in {len(hit)} of {len(dwells)} dwells"
-    return Finding(interference(views, size, duty=duty), CONFIDENT, share=np.stack(share), note=note)
+    light_m = float(np.sqrt(by_light2))
+    return Steps(hit, len(dwells), light_m, light_m * float(np.median(way)))
 
 
 def _excess(b: NoiseBins) -> Float:

@@ -11,9 +11,10 @@ import numpy as np
 from tof_core.cores import in_threads
 from tof_core.stats import beside
 from tof_gap.seen.finding import CONFIDENT, Finding
-from tof_gap.seen.foreign_light import field, interference, of_capture
+from tof_gap.seen.foreign_light import field, interference
 from tof_gap.seen.lamp_cells import STEEPEST, Cells, beside_common, beside_loudest_part, cells_of, chi2_of, ridged
 from tof_gap.seen.lamp_light import gains_at, lag_of, waves_from
+from tof_gap.seen.residual import over_mean
 from tof_sensor.frame import waves_per_m
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ class ForeignLamp:
         rest = [field(replace(v, residual=v.residual - f), limits) for v, f in zip(views, self.fields, strict=True)]
         fields = self.fields + np.stack(rest) * self.hit[:, None, None]
         size = float(np.hypot(np.sqrt(np.mean(fields[lit] ** 2)), posed_m))
-        effect = interference(views, of_capture(views, size), duty=float(self.hit.mean()))
+        effect = interference(views, over_mean(views) * size, duty=float(self.hit.mean()))
         return Finding(effect, CONFIDENT, share=np.where(lit, np.abs(fields), 0.0), common=fields, note=self.stated, posed_m=posed_m)
 
 

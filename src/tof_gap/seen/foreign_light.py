@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import chdtrc, fdtrc
 
 from tof_gap.seen.finding import CONFIDENT, Finding, most
+from tof_gap.seen.residual import over_mean
 from tof_gap.seen.stripes import weakness
 from tof_sensor.effects.interference import Interference
 from tof_sensor.geometry import beside_poses, pose_columns
@@ -62,7 +63,7 @@ def foreign_light(
     if size < np.median(explained_m(views, fields)):
         return None
     share = np.stack([np.where(v.smooth, np.hypot(f, size), np.nan) for v, f in zip(views, fields, strict=True)])
-    each = of_capture(views, size)
+    each = over_mean(views) * size  # Every capture has a phase of its own.
     note = f"every capture is off along the view by an amount of its own, {1e3 * each:.1f} mm RMS"
     return Finding(
         interference(views, each, duty=1.0), CONFIDENT, share=share, common=np.stack(fields), note=note, posed_m=size, structure=True
@@ -123,11 +124,6 @@ def drifts_by_chance(drift: Sequence[Float], posed_m: float, limits: ForeignLigh
         return False
     explained = float(np.sum((of_view - of_view.mean()) ** 2)) / limits.drift_terms
     return bool(fdtrc(limits.drift_terms, left, explained * left / (len(of_view) * posed_m**2)) > limits.chance)
-
-
-def of_capture(views: Sequence[ViewEvidence], size_m: float) -> float:
-    """Metres of one capture's error by foreign light, of which the views' means of several captures have `size_m`: each has a phase of its own."""
-    return size_m * float(np.sqrt(np.mean([v.view.captures for v in views])))
 
 
 def interference(views: Sequence[ViewEvidence], size_m: float, *, duty: float) -> Interference:

@@ -156,7 +156,6 @@ def dropout(
         del own, spans, view
     light, seen = of_all(by_cad), of_all(_amplitude)
     loss = loss_of(gone, seen, light, of_all(lambda v: v.frame.radial), part, limits.loss)
-    random = float(gone[light > np.median(light)].mean())
     others = ~np.isin(part, loss.parts)
     apart = loss.parts if loss.goes_with is GoesWith.PARTS and others.any() else ()
     others |= not apart
@@ -169,12 +168,13 @@ def dropout(
 
     predicted = ((v, 0.5 * (alike(v) + _around(v, own, apart, limits))) for v, own in zip(views, losses.share, strict=True))
     share = np.stack([single(np.where(v.frame.valid, rate, np.nan)) for v, rate in predicted])
-    half, darkest = _lost_below(light, gone, limits.half_lost, limits), _darkest(light, gone, limits.half_lost)
-    by_light = loss.goes_with is GoesWith.LIGHT or (loss.goes_with is GoesWith.NOTHING and darkest and half == 0.0)
+    random, half = float(gone[light > np.median(light)].mean()), _lost_below(light, gone, limits.half_lost, limits)
+    few_darkest = half == 0.0 and _darkest(light, gone, limits.half_lost)
+    by_light = loss.goes_with is GoesWith.LIGHT or (loss.goes_with is GoesWith.NOTHING and few_darkest)
     threshold, steepness = curve(light, gone) if by_light else (half, Dropout().steepness)
     effect = Dropout(threshold, steepness, loss.share if loss.goes_with is GoesWith.STRONG_LIGHT else min(random, 1.0))
     note = _of_median(effect.threshold, light, known=of_image is not None)
-    rare = half == 0.0 and random < limits.lost_share and not darkest
+    rare = half == 0.0 and random < limits.lost_share and not few_darkest
     known = loss.goes_with in (GoesWith.LIGHT, GoesWith.NOTHING) and stated.includes(effect)
     too_weak = not known and random < limits.lost_share and _weak_or_few(loss, limits) and _too_weak(views, effect, law(), limits)
     why = f"a camera drops light by design whose depth is noisier than {limits.by_design_mm:g} mm" if too_weak else ""

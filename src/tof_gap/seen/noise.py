@@ -36,6 +36,7 @@ from tof_gap.seen.photons import (
 from tof_gap.seen.pixel_noise import halves_agree, noisy_pixels, pixel_pattern
 from tof_gap.seen.range_code import steps_along_ray
 from tof_gap.seen.repeated import repeated
+from tof_gap.seen.residual import over_mean
 from tof_gap.seen.stripes import beat
 from tof_gap.seen.whole_average import wholly_averaged
 from tof_sensor.effects.interference import Interference
@@ -233,11 +234,6 @@ def median_m(views: Sequence[ViewEvidence]) -> float:
     """Metres along the ray: median noise of one capture over the smooth pixels; 0 without any."""
     sigma = joined(((v.sigma * v.frame.length)[v.smooth] for v in views), sum(v.smooth.size for v in views))
     return over_mean(views) * float(np.median(sigma, overwrite_input=True)) if len(sigma) else 0.0
-
-
-def over_mean(views: Sequence[ViewEvidence]) -> float:
-    """Noise of one capture over that of a dwell's mean, from which noise of rows and pixels is estimated."""
-    return float(np.sqrt(np.median([v.view.captures for v in views])))
 
 
 def _named(parts: Sequence[Part], views: Sequence[ViewEvidence], floor_std: float = 0.0) -> list[Finding]:

@@ -292,3 +292,8 @@ def less(evidence: Sequence[ViewEvidence], maps: Sequence[Sequence[Float]]) -> t
     if not maps:
         return tuple(evidence)
     return tuple(replace(e, residual=single(e.residual - sum(np.nan_to_num(m[v]) for m in maps))) for v, e in enumerate(evidence))
+
+
+def over_mean(views: Sequence[ViewEvidence]) -> float:
+    """Noise of one capture over that of a dwell's mean, from which noise of rows and pixels is estimated."""
+    return float(np.sqrt(np.median([v.view.captures for v in views])))

@@ -43,7 +43,7 @@ class Candidate:
         return self.effect is None or other.effect is None or not self.effect.occurs_beside(other.effect)
 
     def stands_beside(self, others: Sequence[Candidate]) -> bool:
-        """Whether a hypothesis may contain the candidate together with exactly the candidates `others`."""
+        """Whether a hypothesis may contain the candidate together with exactly the candidates `others`; it may be one of them."""
         if not self.further:
             return True
         straight = any(o.effect is not None and o.effect.STRAIGHT for o in others)

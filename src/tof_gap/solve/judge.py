@@ -213,7 +213,7 @@ class Selector:
         if member in members or any(one.excludes(o) for o in others):
             return True
         together = [one, *others]
-        return any(c.further and not c.stands_beside([o for o in together if o is not c]) for c in together)
+        return not all(c.stands_beside(together) for c in together)
 
     def fit(self, hypothesis: Hypothesis) -> ColumnFit:
         """The hypothesis fitted to all views."""

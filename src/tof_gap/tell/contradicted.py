@@ -131,7 +131,8 @@ def shares_left(found: Account, limit: UnexplainedLimits) -> dict[str, float]:
         return block_means(views, added, noise2, limit.contradicted_px, limit.contradicted_pixels)
 
     after, whole = means([]), means(maps)
-    above, gap = ((m.excess2 - figures.alike_m**2) / m.white2 for m in (after, whole))
+    alike2 = figures.alike_m**2
+    above, gap = ((m.excess2 - alike2) / m.white2 for m in (after, whole))
     shares = {}
     for name in judged:
         acts = touched(means([name]).mean - after.mean)

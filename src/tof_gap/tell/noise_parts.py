@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tof_gap.seen.line_noise import line_noise
-from tof_gap.seen.noise import BY, median_m, of_their_own, over_mean, stand_out
+from tof_gap.seen.noise import BY, median_m, of_their_own, stand_out
 from tof_gap.seen.pattern import beside_pixels, single_pixels
 from tof_gap.seen.pixel_noise import noisy_pixels
+from tof_gap.seen.residual import over_mean
 from tof_gap.tell.levels_apart import Level
 from tof_sensor.effects.noise import Noise
 

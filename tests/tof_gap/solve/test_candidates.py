@@ -51,6 +51,8 @@ def test_a_long_wave_occurs_only_beside_a_shorter_one_and_beside_no_line_over_ra
     assert not long.stands_beside([])
     assert not long.stands_beside([drift])
     assert long.stands_beside([short, drift])
+    assert long.stands_beside([long, short]), "it counts for nothing beside itself"
+    assert not long.stands_beside([long])
     assert not long.stands_beside([short, scale])
     assert short.stands_beside([scale])
 

@@ -25,7 +25,6 @@ def candidate(name: str, *, free: Any = None, repeatable: bool = False, beside: 
         name=name,
         effect=made,
         free=free,
-        further=beside is not None,
         excludes=lambda other: other.name == name and not repeatable,
         stands_beside=lambda others: beside is None or any(o.name == beside for o in others),
     )
