@@ -103,7 +103,7 @@ def diagnose(
     give_back()
     progress(UNEXPLAINED)
     unexplained = look(found, caster.scene, config.report, config.missing, resembled)
-    not_tested = too_few(len(views)) if few else untested(found, config, stated.law) | dict(untestable)
+    not_tested = too_few(len(views)) if few else untested(found, config, stated.law, left_out) | dict(untestable)
     return Diagnosis(
         verdict(found, unexplained, config.report),
         without_causes(found) if doubted(unexplained, config.report) else found,
@@ -155,16 +155,16 @@ def too_few(views: int) -> dict[str, str]:
     return {name: f"{views} views are too few" for name in VOCABULARY if name != RadialDepth.NAME}
 
 
-def untested(found: Account, config: GapConfig, law: PhotonLaw | None) -> dict[str, str]:
-    """Effects that the session cannot test and that nothing else shows, with the reason."""
+def untested(found: Account, config: GapConfig, law: PhotonLaw | None, left_out: frozenset[str]) -> dict[str, str]:
+    """Effects that the session cannot test and that nothing else shows, with the reason; none of `left_out`."""
     beside_motion = {
         FlyingPixels.NAME: "motion mixes edges by itself: record at rest",
         HAND_EYE: "motion shifts what poses are known by: record at rest",
     }
-    reasons = not_testable(found.solved.bare, config.noise, law, config.stated_mhz) | (
+    reasons = not_testable(found.solved.bare, config.noise, law, config.stated_mhz, left_out) | (
         beside_motion if found.solved.names(Motion.NAME) else {}
     )
-    shown = found.names(causes=True)
+    shown = {*found.names(causes=True), *left_out}
     return {name: reason for name, reason in reasons.items() if name not in shown}
 
 

@@ -46,12 +46,17 @@ def candidates(
 
 
 def not_testable(
-    views: Sequence[ViewEvidence], noise: NoiseLimits, law: PhotonLaw | None = None, stated_mhz: tuple[float, ...] = ()
+    views: Sequence[ViewEvidence],
+    noise: NoiseLimits,
+    law: PhotonLaw | None = None,
+    stated_mhz: tuple[float, ...] = (),
+    left_out: AbstractSet[str] = frozenset(),
 ) -> dict[str, str]:
     """Effects that the session cannot test, each with what it lacks.
 
-    law: the photon law that `--sensor` states; stated_mhz: the modulation frequencies that calibration.yaml states.
+    law: the photon law that `--sensor` states; stated_mhz: the modulation frequencies that calibration.yaml states; left_out: effects that
+    nothing is asked of: a reason may say what their detector found.
     """
     session = replace(judged(views, noise, law), stated_mhz=stated_mhz)
-    reasons = {name: EFFECTS[name].not_testable(session) for name in VOCABULARY}
+    reasons = {name: EFFECTS[name].not_testable(session) for name in VOCABULARY if name not in left_out}
     return {name: reason for name, reason in reasons.items() if reason is not None}

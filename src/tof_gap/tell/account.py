@@ -233,7 +233,8 @@ def _foreign(solved: Solved, lines: Sequence[LineNoise], config: GapConfig, *, a
         found = lamp.finding(left, limits, 0.0 if found is None else found.posed_m)
     if found is None or repeated(left, found.common, config.noise.repeated, steps2(solved) * (found.posed_m > 0)):
         return None
-    return as_captures_step(found, left, config.noise)
+    # Noise of whole lines makes captures of a dwell step, too.
+    return found if lines else as_captures_step(found, left, config.noise)
 
 
 def _piled_up(solved: Solved) -> bool:

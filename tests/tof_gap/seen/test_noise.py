@@ -437,6 +437,7 @@ def test_a_stereo_camera_is_told_by_its_scatter() -> None:
     why = not_testable(session, LIMITS)
     assert why["wiggling"] == "the noise grows with the square of range and does not depend on amplitude: this is no time-of-flight camera"
     assert "cad_deviation" not in why
+    assert "wiggling" not in not_testable(session, LIMITS, left_out={"wiggling"}), "nothing is asked of what is left out"
 
 
 def test_surfaces_whose_depth_code_never_changes_make_no_stereo_camera() -> None:

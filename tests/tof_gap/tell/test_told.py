@@ -162,9 +162,9 @@ def detectors(monkeypatch: pytest.MonkeyPatch, **given: Any) -> dict[str, Any]:
     monkeypatch.setattr(missing, "missing_effects", says("gone", []))
     monkeypatch.setattr(noise, "noise_effects", says("noise", []))
     monkeypatch.setattr(room, "repeated", says("repeated", False))
-    monkeypatch.setattr(room, "as_captures_step", lambda found, views, _limits: found if views == "bare" else None)
+    monkeypatch.setattr(room, "as_captures_step", lambda found, views, _limits: replace(found, note=f"steps of {views} views"))
     monkeypatch.setattr(room, "steps2", lambda _solved: 4e-6)
-    monkeypatch.setattr(noise, "lines_found", lambda _views, _limits: ["rows"])
+    monkeypatch.setattr(noise, "lines_found", lambda _views, _limits: given.get("lines", ["rows"]))
     monkeypatch.setattr(noise, "beside_lines", lambda views, lines: (views, "beside", *lines))
     monkeypatch.setattr(noise, "smooth_by_lines", lambda _views, lines, _limits: LINES_M * len(lines))
     return told
@@ -207,6 +207,14 @@ def test_foreign_light_is_a_finding_that_noise_does_not_name_again(monkeypatch: 
     told = detectors(monkeypatch, foreign=LIGHT)
     assert findings_of(follows=True) == (), "arm errors that follow the views"
     assert "foreign" not in told
+
+
+def test_foreign_light_has_the_size_of_a_capture_s_steps_but_beside_rows_which_make_steps_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    detectors(monkeypatch, foreign=LIGHT, lines=[])
+    (found,) = findings_of()
+    assert found.note == "steps of bare views"
+    detectors(monkeypatch, foreign=LIGHT)
+    assert findings_of() == (LIGHT,)
 
 
 def test_foreign_light_that_the_captures_of_a_dwell_share_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
