@@ -35,6 +35,12 @@ class FilterLimits:
         high=1.0,
         why="outliers of single pixels occur at any amplitude: 0.5; around wrong unwrapping in nine sessions: 0.79 and more",
     )
+    alone: float = param(
+        0.8,
+        "single lost pixels, over those of pixels that are lost independently, from which a check removes pixels one by one",
+        low=0.0,
+        why="a check of single pixels: 1.1 and 1.2; filters, thresholds and sunlight, seven sessions: 0.6 at most",
+    )
     around_unstable: float = param(
         0.3,
         "share of the holes that contain a pixel with a noise of its own, from which such pixels are what a filter removed",
@@ -152,11 +158,11 @@ class MissingLimits:
         why="a far floor at 55 degrees is below a healthy camera's threshold; twice `lost_share`",
     )
     by_design_mm: float = param(
-        8.0,
+        6.0,
         "noise of one capture at the threshold amplitude from which the loss of weak light is by design",
         unit="mm",
         low=0.0,
-        why="22 healthy thresholds of a camera of another author: 10 to 33; thresholds that are too strict: 1.1 to 7.4",
+        why="a healthy threshold of another author's camera, four sessions: 7.9 to 9.0; a threshold that is too strict: 3.2",
     )
     by_design_light: float = param(
         0.25,

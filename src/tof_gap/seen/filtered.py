@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Holes that a filter in the camera leaves around outliers, and failed phase unwrapping, which makes such outliers at low amplitude."""
+"""Outliers of low amplitude that the camera removed, with their neighbours or one by one, and failed phase unwrapping, which makes such."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import binary_dilation, binary_opening, label
+from scipy.ndimage import binary_dilation, binary_opening, label, uniform_filter
 
 from tof_core.shares import in_percent
 from tof_core.stats import pairs_below
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
 
 def failed_unwrapping(views: Sequence[ViewEvidence], holes: Sequence[Mask], limits: MissingLimits) -> Finding | None:
-    """`phase_wrap` where the camera's filter removed outliers at low amplitude that are too large for noise.
+    """`phase_wrap` where the camera removed outliers at low amplitude that are too large for noise.
 
     The lower the amplitude, the more pixels are unwrapped wrongly when frequencies are merged. A filter that removes these pixels with
-    their neighbours leaves no depth that is off by a period, but holes of the filter's shape. Holes below a threshold of amplitude
-    have no such shape, and their rims are as dim as the threshold.
+    their neighbours leaves no depth that is off by a period, but holes of the filter's shape; a check of single pixels leaves holes that
+    do not depend on their neighbours. Holes below a threshold of amplitude are neither, and their rims are as dim as the threshold.
 
     holes: (H, W) per view, the result of `filtered`.
     """
@@ -37,40 +37,81 @@ def failed_unwrapping(views: Sequence[ViewEvidence], holes: Sequence[Mask], limi
     gone = np.concatenate([h[i] for h, i in zip(holes, inside, strict=True)])
     if gone.mean() < limits.lost_share or noise_may_reach(views, holes, limits):
         return None
-    # A pixel is lost where it or one of its neighbours is an outlier.
-    share = min(1.0 - (1.0 - float(gone.mean())) ** (1 / NEIGHBOURS.size), 0.5 * SINGLE_PIXELS)
+    alone = _one_by_one(holes, limits.filter)
+    # A filter loses a pixel where it or one of its neighbours is an outlier.
+    share = min(1.0 - (1.0 - float(gone.mean())) ** (1 / (1 if alone else NEIGHBOURS.size)), 0.5 * SINGLE_PIXELS)
     start = float(np.quantile(np.concatenate([v.frame.radial[h] for v, h in zip(views, holes, strict=True)]), limits.turn_start))
     removed = in_percent(float(gone.mean()))
     note = f"the camera's filter removed {removed} of the pixels, around outliers in weak light; their jump is not seen"
-    size = f"by a step that is not seen, since the camera removed these pixels: {removed} of all, in holes of 3 x 3 pixels in weak light"
+    where = "one by one in weak light" if alone else "in holes of 3 x 3 pixels in weak light"
+    size = f"by a step that is not seen, since the camera removed these pixels: {removed} of all, {where}"
     # An effect outside the vocabulary may make outliers, too.
     return Finding(PhaseWrap(start_m=start, share=share), LOSS_CONFIDENT, note=note, size=size, structure=True, holes=tuple(holes))
 
 
 def filtered(views: Sequence[ViewEvidence], limits: MissingLimits) -> list[Mask]:
-    """(H, W) per view: pixels in holes that a filter left around outliers of low amplitude.
+    """(H, W) per view: pixels that the camera removed as outliers of low amplitude, by a filter over neighbours or one by one.
 
-    All three must hold, or none is returned: holes have a filter's shape, their rims are brighter than those of a threshold, and lost
-    pixels have a lower amplitude than measured ones. None is returned without an amplitude image either.
+    All three must hold, or none is returned: holes have a filter's shape, or are of pixels that are lost independently; their rims are
+    brighter than those of a threshold; and lost pixels have a lower amplitude than measured ones. None is returned without an amplitude
+    image either.
     """
-    inside, shaped = [expected(v, limits) for v in views], [_shaped(v.view.valid | other_than_cad(v), limits.filter) for v in views]
-    none = [np.zeros(i.shape, bool) for i in inside]
-    if not any((s & i).any() for s, i in zip(shaped, inside, strict=True)):
-        return none
+    inside = [expected(v, limits) for v in views]
+    shaped = [_shaped(v.view.valid | other_than_cad(v), limits.filter) & i for v, i in zip(views, inside, strict=True)]
+    single = [_single(v.view.valid) & i for v, i in zip(views, inside, strict=True)]
+    holes = gone = shaped
+    if _pixels(single) > _pixels(shaped):  # Few holes of independent pixels have a filter's shape by chance.
+        holes, gone = single, [~(v.view.valid | other_than_cad(v)) & i for v, i in zip(views, inside, strict=True)]
+        if not _independent(views, inside, single, limits):
+            gone = []
+    return gone if gone and _of_outliers(views, inside, holes, gone, limits.filter) else [np.zeros(i.shape, bool) for i in inside]
+
+
+def _of_outliers(
+    views: Sequence[ViewEvidence], inside: Sequence[Mask], holes: Sequence[Mask], gone: Sequence[Mask], limits: FilterLimits
+) -> bool:
+    """Whether the rims of `holes` are brighter than a threshold's, and the pixels `gone` dimmer than measured ones; all (H, W) per view."""
     rims: list[Image] = []
     returned: list[Image] = []
-    for v, i, s in zip(views, inside, shaped, strict=True):
+    for v, i, h in zip(views, inside, holes, strict=True):
         amplitude = np.full(i.shape, np.float32(np.nan)) if v.view.amplitude is None else v.view.amplitude
         # Where amplitude jumps, a threshold leaves bright rims too.
-        jumps = edge_band(v.frame, v.limits.edge_px, v.limits, creases=True)
-        rims.append(amplitude[v.view.valid & i & ~jumps & binary_dilation(s & i & ~jumps, NEIGHBOURS)])
+        level = ~edge_band(v.frame, v.limits.edge_px, v.limits, creases=True)
+        rims.append(amplitude[v.view.valid & i & level & binary_dilation(h & level, NEIGHBOURS)])
         returned.append(amplitude[v.view.valid & i])
     rim, least = np.concatenate(rims), np.concatenate(returned)
-    if not len(rim) or not np.median(rim) > limits.filter.rim * np.quantile(least, limits.filter.dimmest, overwrite_input=True):
-        return none
+    if not len(rim) or not np.median(rim) > limits.rim * np.quantile(least, limits.dimmest, overwrite_input=True):
+        return False
     del least, returned
-    gone = [s & i for s, i in zip(shaped, inside, strict=True)]
-    return gone if chance_dimmer(views, inside, gone) >= limits.filter.dimmer else none
+    return chance_dimmer(views, inside, gone) >= limits.dimmer
+
+
+def _single(valid: Mask) -> Mask:
+    """(H, W) lost pixels whose eight neighbours are measured."""
+    holes, _ = label(~valid, NEIGHBOURS)
+    return np.asarray(~valid & (np.bincount(holes.ravel()) == 1)[holes])
+
+
+def _independent(views: Sequence[ViewEvidence], inside: Sequence[Mask], single: Sequence[Mask], limits: MissingLimits) -> bool:
+    """Whether as many `single` pixels (H, W per view) are lost as where each is lost by itself, at the rate of the pixels around it."""
+    seen = expectation = 0.0
+    for v, i, s in zip(views, inside, single, strict=True):
+        level = i & ~edge_band(v.frame, v.limits.edge_px, v.limits, creases=True)
+        near, lost = (uniform_filter(m.astype(float), limits.near_px) for m in (level, level & ~v.view.valid))
+        rate = lost[level] / near[level]
+        expectation += float((rate * (1.0 - rate) ** (NEIGHBOURS.size - 1)).sum())
+        seen += int((s & level).sum())
+    return seen > limits.turn_share * _pixels(inside) and seen > limits.filter.alone * expectation
+
+
+def _pixels(masks: Sequence[Mask]) -> int:
+    """Number of pixels of the masks (H, W)."""
+    return sum(int(m.sum()) for m in masks)
+
+
+def _one_by_one(holes: Sequence[Mask], limits: FilterLimits) -> bool:
+    """Whether these holes (H, W per view), as of `filtered`, are of single pixels, which 3 x 3 neighbourhoods do not fill."""
+    return _pixels([_shaped(~h, limits) & h for h in holes]) < 0.5 * _pixels(holes)
 
 
 def removed_for_noise(views: Sequence[ViewEvidence], limits: MissingLimits) -> list[Mask]:

@@ -45,6 +45,11 @@ REMEDY = {
     ),
 }
 """What to do about lost pixels, by the quantity that separates them; without one, the remedy of `Dropout` holds."""
+STRICT = (
+    "lower the camera's threshold of amplitude or confidence if these surfaces are needed: depth has only {noise_mm:.2g} mm of noise there, and a "
+    "usual threshold drops pixels of more than {usual_mm:g} mm. If it was lower before, something raised it"
+)
+"""What to do about a threshold of amplitude at which depth is still good."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,13 +122,13 @@ def loss_of(gone: Float, amplitude: Float, light: Float, radial: Float, part: In
     if not weak and 1.0 - darker >= limits.by_light:
         limit = float(np.quantile(light, 1.0 - share))
         return Loss(GoesWith.STRONG_LIGHT, share, carry, of_median=limit / max(float(np.median(light)), 1e-12))
-    if by_part and not by_light:
-        return Loss(GoesWith.PARTS, share, carry, weak=weak, share_on=float(gone[on].mean()))
-    if not (by_light or weak):
+    if not (by_light or weak or by_part):
         return Loss(GoesWith.NOTHING, share, carry)
     seen, lost = (amplitude[known], gone[known]) if weak else (light, gone)
     limit = balanced(seen, lost)
-    return Loss(GoesWith.LIGHT, share, carry, limit if weak else float("nan"), limit / max(float(np.median(seen)), 1e-12))
+    measured, of_median = limit if weak else float("nan"), limit / max(float(np.median(seen)), 1e-12)
+    goes_with = GoesWith.PARTS if by_part and not by_light else GoesWith.LIGHT
+    return Loss(goes_with, share, carry, measured, of_median, weak=weak, share_on=float(gone[on].mean()))
 
 
 def lower(values: Float, gone: Float) -> float:

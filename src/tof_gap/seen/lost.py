@@ -13,7 +13,7 @@ from scipy.ndimage import binary_dilation, binary_fill_holes, label, uniform_fil
 from tof_core.reasons import Reason
 from tof_core.stats import joined
 from tof_gap.seen.finding import LOSS_CONFIDENT, Finding
-from tof_gap.seen.loss import GoesWith, curve, loss_of
+from tof_gap.seen.loss import STRICT, GoesWith, curve, loss_of
 from tof_gap.seen.lost_on_part import may_lose, neighbours_span, own_light, worst_part
 from tof_gap.seen.residual import single
 from tof_gap.seen.session import amplitude_unit
@@ -23,9 +23,9 @@ from tof_sensor.frame import lambert_amplitude
 from tof_sensor.stated import NOTHING_STATED
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
-    from tof_core.arrays import Float, Mask
+    from tof_core.arrays import Float, Ints, Mask
     from tof_gap.limits.missing import MissingLimits
     from tof_gap.seen.loss import Loss
     from tof_gap.seen.residual import ViewEvidence
@@ -108,7 +108,11 @@ class Losses(NamedTuple):
     @property
     def gone(self) -> Float:
         """(n,) shares of the pixels inside, one view after the other."""
-        return joined((g[i] for g, i in zip(self.share, self.inside, strict=True)), sum(int(i.sum()) for i in self.inside))
+        return self.of(self.share)
+
+    def of(self, images: Iterable[Float]) -> Float:
+        """(n,) of the pixels inside, from an image (H, W) per view."""
+        return joined((image[i] for image, i in zip(images, self.inside, strict=True)), sum(int(i.sum()) for i in self.inside))
 
 
 def losses_of(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequence[Mask] | None = None) -> Losses:
@@ -133,29 +137,20 @@ def dropout(
     where `stated` includes it, or where light is so weak by the photon law of the session, which `law` gives, that any camera drops it,
     and far weaker than usual in the session, or of few pixels.
     """
-    inside, gone = losses.inside, losses.gone
-    part = np.concatenate([v.rendering.part[i] for v, i in zip(views, inside, strict=True)])
+    gone = losses.gone
+    part = np.concatenate([v.rendering.part[i] for v, i in zip(views, losses.inside, strict=True)])
     of_image = amplitude_unit(views)
     unit = 1.0 if of_image is None else of_image
-
-    def of_all(image: Callable[[ViewEvidence], Float]) -> Float:
-        """(n,) of the pixels inside."""
-        return joined((image(v)[i] for v, i in zip(views, inside, strict=True)), len(gone))
 
     def by_cad(v: ViewEvidence) -> Float:
         return unit * lambert_amplitude(v.rendering)
 
-    if gone.mean() < limits.lost_share:
-        if not may_lose(gone, part, limits):
-            return None
-        own = own_light(of_all(_amplitude), of_all(by_cad), part, limits)
-        spans = of_all(lambda v: neighbours_span(v, limits))
-        view = np.repeat(np.arange(len(views), dtype=np.int16), [int(i.sum()) for i in inside])
-        if worst_part(gone, part, view, own, spans, losses.too_bright, limits) < limits.lost_on_part:
-            return None
-        del own, spans, view
-    light, seen = of_all(by_cad), of_all(_amplitude)
-    loss = loss_of(gone, seen, light, of_all(lambda v: v.frame.radial), part, limits.loss)
+    if gone.mean() < limits.lost_share and not _loses_a_part(views, losses, part, by_cad, limits):
+        return None
+    light, seen = losses.of(map(by_cad, views)), losses.of(map(_amplitude, views))
+    loss = loss_of(gone, seen, light, losses.of(v.frame.radial for v in views), part, limits.loss)
+    if loss.goes_with is GoesWith.PARTS and loss.weak and 1e3 * _noise_at(views, loss.amplitude, law()) <= limits.by_design_mm:
+        loss = replace(loss, goes_with=GoesWith.LIGHT)  # A part that returns little light is lost where depth is noisy.
     others = ~np.isin(part, loss.parts)
     apart = loss.parts if loss.goes_with is GoesWith.PARTS and others.any() else ()
     others |= not apart
@@ -176,34 +171,53 @@ def dropout(
     note = _of_median(effect.threshold, light, known=of_image is not None)
     rare = half == 0.0 and random < limits.lost_share and not few_darkest
     known = loss.goes_with in (GoesWith.LIGHT, GoesWith.NOTHING) and stated.includes(effect)
-    too_weak = not known and random < limits.lost_share and _weak_or_few(loss, limits) and _too_weak(views, effect, law(), limits)
-    why = f"a camera drops light by design whose depth is noisier than {limits.by_design_mm:g} mm" if too_weak else ""
     found = Finding(effect, LOSS_CONFIDENT, share=share, note=note, size=loss.size, remedy=loss.remedy, parts=loss.parts, rare=rare)
-    return replace(found, expected=known or too_weak, by_design=why)
+    if loss.goes_with is not GoesWith.LIGHT:
+        return replace(found, expected=known)
+    # Without an amplitude image, the CAD's light is what is known.
+    at = loss.amplitude if np.isfinite(loss.amplitude) else effect.threshold
+    return _by_noise(replace(found, expected=known), loss, random, 1e3 * _noise_at(views, at, law()), limits)
 
 
-def _weak_or_few(loss: Loss, limits: MissingLimits) -> bool:
-    """Whether light alone decides, and pixels are lost in light far weaker than usual in the session, or few of them."""
+def _loses_a_part(
+    views: Sequence[ViewEvidence], losses: Losses, part: Ints, by_cad: Callable[[ViewEvidence], Float], limits: MissingLimits
+) -> bool:
+    """Whether `lost_on_part` of one part is lost, beside what its own light and its neighbours explain; part (n,) of the pixels inside."""
+    gone = losses.gone
+    if not may_lose(gone, part, limits):
+        return False
+    own = own_light(losses.of(map(_amplitude, views)), losses.of(map(by_cad, views)), part, limits)
+    spans = losses.of(neighbours_span(v, limits) for v in views)
+    view = np.repeat(np.arange(len(views), dtype=np.int16), [int(i.sum()) for i in losses.inside])
+    return worst_part(gone, part, view, own, spans, losses.too_bright, limits) >= limits.lost_on_part
+
+
+def _by_noise(found: Finding, loss: Loss, random: float, noise_mm: float, limits: MissingLimits) -> Finding:
+    """The finding of loss in weak light: by design where noise at the threshold is large, light far weaker than usual or few pixels are lost."""
+    usual_mm = limits.by_design_mm
+    if noise_mm <= usual_mm:
+        return replace(found, remedy=STRICT.format(noise_mm=noise_mm, usual_mm=usual_mm))
     few = loss.of_median <= limits.by_design_light or loss.share <= limits.by_design_share
-    return loss.goes_with is GoesWith.LIGHT and few
+    if found.expected or not (few and noise_mm > usual_mm and random < limits.lost_share):
+        return found
+    return replace(found, expected=True, by_design=f"a camera drops light by design whose depth is noisier than {usual_mm:g} mm")
 
 
-def _too_weak(views: Sequence[ViewEvidence], loss: Dropout, law: PhotonLaw | None, limits: MissingLimits) -> bool:
-    """Whether depth at the threshold amplitude is too noisy for any use: a camera drops such pixels by design.
+def _noise_at(views: Sequence[ViewEvidence], threshold: float, law: PhotonLaw | None) -> float:
+    """Metres of noise that a capture has at this amplitude; NaN without an amplitude or a `law`.
 
     A camera that averages over neighbours compares the amplitude of single pixels, before their noise is averaged.
     """
-    if law is None or loss.threshold == 0.0:
-        return False
+    if law is None or not threshold > 0.0:
+        return float("nan")
     around2 = np.median(np.concatenate([v.frame.surroundings_m2[v.smooth] for v in views]))
-    averaged = views[0].correlation.area
-    return bool(averaged * law.variance(np.array(loss.threshold), np.asarray(around2)) > (limits.by_design_mm * 1e-3) ** 2)
+    return float(np.sqrt(views[0].correlation.area * law.variance(np.array(threshold), np.asarray(around2))))
 
 
 def least_light(views: Sequence[ViewEvidence], limits: MissingLimits, losses: Losses) -> float:
     """Amplitude of the CAD (albedo 1, head-on from 1 m: 1) above which pixels away from edges return; 0 where loss does not follow light."""
     gone = losses.gone
-    light = joined((lambert_amplitude(v.rendering)[i] for v, i in zip(views, losses.inside, strict=True)), len(gone))
+    light = losses.of(lambert_amplitude(v.rendering) for v in views)
     return _lost_below(light, gone, limits.dark_lost, limits) if len(light) else 0.0
 
 

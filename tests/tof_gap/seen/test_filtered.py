@@ -15,6 +15,7 @@ from tests.tof_gap.quiet_views import SHAPE, views
 from tof_core.reasons import Reason
 from tof_gap.limits.missing import MissingLimits
 from tof_gap.seen.filtered import chance_dimmer, failed_unwrapping, filtered, removed_for_noise
+from tof_gap.seen.lost import expected
 from tof_gap.seen.missing import missing_effects
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.phase_wrap import SINGLE_PIXELS, PhaseWrap
@@ -30,12 +31,17 @@ LIMITS = MissingLimits()
 BLOCK = np.ones((3, 3), bool)
 
 
-def session(lose: Callable[[Float, np.random.Generator], Mask], *, sigma: float = 1.0, amplitude: bool = True) -> list[ViewEvidence]:
-    """Quiet views with `sigma` times their noise, of which `lose(light relative to the session's mean, rng)` takes pixels (H, W)."""
+def session(
+    lose: Callable[[Float, np.random.Generator], Mask], *, sigma: float = 1.0, amplitude: bool = True, uneven: float = 0.0
+) -> list[ViewEvidence]:
+    """Quiet views with `sigma` times their noise, of which `lose(light relative to the session's mean, rng)` takes pixels (H, W).
+
+    uneven: standard deviation of the light from pixel to pixel, over it; the amplitude image shows it.
+    """
     rng, out, quiet = np.random.default_rng(8), [], views(np.random.default_rng(5))
     mean = np.mean([lambert_amplitude(v.rendering).mean() for v in quiet])
     for v in quiet:
-        light = (lambert_amplitude(v.rendering) / mean).astype(np.float32)
+        light = (lambert_amplitude(v.rendering) / mean * (1.0 + uneven * rng.standard_normal(SHAPE))).astype(np.float32)
         gone = lose(light, rng)
         depth, reason = np.where(gone, np.nan, v.view.depth), np.where(gone, Reason.NO_RETURN, Reason.VALID)
         seen = replace(v.view, depth=depth.astype(np.float32), reason=reason.astype(np.uint8), amplitude=light if amplitude else None)
@@ -47,6 +53,11 @@ def session(lose: Callable[[Float, np.random.Generator], Mask], *, sigma: float 
 def outliers_in_weak_light(light: Float, rng: np.random.Generator) -> Mask:
     """Outliers whose rate falls with light; the filter takes each with its neighbours."""
     return np.asarray(binary_dilation(rng.random(SHAPE) < 0.2 * np.exp(-8.0 * (light - 0.5)), BLOCK))
+
+
+def single_outliers(light: Float, rng: np.random.Generator) -> Mask:
+    """The same outliers, each removed by itself."""
+    return np.asarray(rng.random(SHAPE) < 0.2 * np.exp(-8.0 * (light - 0.5)))
 
 
 def names(session: list[ViewEvidence], left_out: frozenset[str] = frozenset()) -> list[str]:
@@ -61,6 +72,20 @@ def test_holes_of_a_filter_in_weak_light_are_failed_unwrapping() -> None:
     assert found.structure, "an effect without a name may make outliers, too"
     assert not found.corrects  # The filter left no pixel that is off by a period.
     assert "filter" in found.note
+
+
+def test_single_pixels_that_a_check_removed_in_weak_light_are_failed_unwrapping() -> None:
+    lossy = session(single_outliers)
+    (found,) = missing_effects(lossy, LIMITS)
+    assert isinstance(found.effect, PhaseWrap)
+    assert "one by one in weak light" in found.size
+    assert all(np.array_equal(h, ~v.view.valid & expected(v, LIMITS)) for h, v in zip(found.holes, lossy, strict=True))
+    assert found.effect.share == pytest.approx(np.mean([(~v.view.valid)[expected(v, LIMITS)].mean() for v in lossy]), rel=0.2)
+
+
+def test_single_pixels_below_a_threshold_in_uneven_light_are_dropout() -> None:
+    """Holes at the threshold are of single pixels here and there, and their rims as dim as it."""
+    assert names(session(lambda light, _: light < 0.7, uneven=0.1)) == ["dropout"]
 
 
 def test_loss_below_a_threshold_of_amplitude_is_dropout() -> None:

@@ -90,6 +90,7 @@ def test_a_part_that_is_lost_though_its_light_would_do_is_named(pixels: Pixels) 
     dark = pixels._replace(amplitude=np.where(lost, 1.0, pixels.amplitude)).loss(lost)
     assert (dark.goes_with, dark.weak) == (GoesWith.PARTS, True)
     assert dark.size.endswith(", which return less light than their albedo in scene.yaml says")
+    assert 1.0 < dark.amplitude < pixels.amplitude.min(), "all lost pixels are darker than all measured ones"
 
 
 def test_what_is_lost_at_random_goes_with_nothing(pixels: Pixels) -> None:

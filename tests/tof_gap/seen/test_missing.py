@@ -118,11 +118,11 @@ def test_without_an_amplitude_image_the_threshold_says_what_it_is_of() -> None:
     assert "no amplitude image: amplitude is albedo cos(incidence) / r²" in found.note
 
 
-@pytest.mark.parametrize(("shot_mm", "light", "expected"), [(6.0, 1.0, False), (7.5, 1.0, True), (7.5, 0.5, False)])
+@pytest.mark.parametrize(("shot_mm", "light", "expected"), [(4.7, 1.0, False), (5.5, 1.0, True), (5.5, 0.5, False)])
 def test_loss_of_light_too_weak_to_measure_is_by_design_where_it_is_weaker_than_usual(
     shot_mm: float, light: float, *, expected: bool
 ) -> None:
-    """At the threshold, 0.73 of the median amplitude, noise is 1.17 times as large as there: 7.0 and 8.8 mm."""
+    """At the threshold, 0.73 of the median amplitude, noise is 1.17 times as large as there: 5.5 and 6.4 mm."""
     lost, _ = dark_lost()
     median = float(np.median(np.concatenate([v.frame.amplitude[v.smooth] for v in dwelled(0.0)])))
     law = PhotonLaw(floor_m=0.0, shot_m=1e-3 * shot_mm, ambient_m=0.0, far_m=0.0, reference=median)
@@ -149,6 +149,22 @@ def test_a_camera_that_averages_drops_weak_light_by_the_noise_before_its_average
     limits = MissingLimits(by_design_light=1.0)
     expected = [missing_effects(views, limits, law=lambda: law)[0].expected for views in (lost, averaged)]
     assert expected == [False, True]
+
+
+def test_a_threshold_at_which_depth_is_good_is_told_from_one_that_any_camera_needs() -> None:
+    lost, _ = dark_lost()
+    median = float(np.median(np.concatenate([v.frame.amplitude[v.smooth] for v in dwelled(0.0)])))
+    law = PhotonLaw(floor_m=0.0, shot_m=2.5e-3, ambient_m=0.0, far_m=0.0, reference=median)
+    (found,) = missing_effects(lost, MissingLimits(), law=lambda: law)
+    assert found.remedy.startswith("lower the camera's threshold of amplitude or confidence")
+    assert "only 3 mm of noise there" in found.remedy
+
+
+def test_a_threshold_that_the_data_sheet_states_is_expected_until_it_is_half_as_much_again() -> None:
+    lost, threshold = dark_lost()
+    for stated, expected in ((0.8 * threshold, True), (0.5 * threshold, False)):
+        (found,) = missing_effects(lost, MissingLimits(), stated=StatedNoise(effects=(Dropout(stated, 50.0),)))
+        assert found.expected is expected
 
 
 def test_loss_at_random_is_expected_of_a_camera_that_is_known_for_it() -> None:
