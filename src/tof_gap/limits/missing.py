@@ -41,6 +41,13 @@ class FilterLimits:
         low=0.0,
         why="a check of single pixels: 1.1 and 1.2; filters, thresholds and sunlight, seven sessions: 0.6 at most",
     )
+    at_times: float = param(
+        0.3,
+        "share of the loss that other captures of the same dwell measure, from which outliers of single captures are removed",
+        low=0.0,
+        high=1.0,
+        why="outliers that are removed: 0.53; thresholds 0.05 at most, sunlight 0.18, unstable pixels 0.26 (seven sessions)",
+    )
     around_unstable: float = param(
         0.3,
         "share of the holes that contain a pixel with a noise of its own, from which such pixels are what a filter removed",

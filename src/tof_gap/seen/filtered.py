@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Outliers of low amplitude that the camera removed, with their neighbours or one by one, and failed phase unwrapping, which makes such."""
+"""Outliers of low amplitude that the camera removed, with their neighbours, one by one or now and then; failed phase unwrapping makes such."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,7 @@ from tof_core.shares import in_percent
 from tof_core.stats import pairs_below
 from tof_gap.seen.edges import edge_band
 from tof_gap.seen.finding import LOSS_CONFIDENT, Finding
-from tof_gap.seen.lost import NEIGHBOURS, expected, other_than_cad
+from tof_gap.seen.lost import NEIGHBOURS, expected, lost_share, other_than_cad
 from tof_sensor.effects.phase_wrap import SINGLE_PIXELS, PhaseWrap
 from tof_sensor.frame import lambert_amplitude
 
@@ -24,47 +25,72 @@ if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
 
 
-def failed_unwrapping(views: Sequence[ViewEvidence], holes: Sequence[Mask], limits: MissingLimits) -> Finding | None:
+@dataclass(frozen=True, slots=True)
+class Removed:
+    """Pixels that the camera removed as outliers of low amplitude.
+
+    gone: (H, W) per view, all False where there are none; how: what tells them from pixels below a threshold, in words; each: pixels that
+    one outlier takes.
+    """
+
+    gone: list[Mask]
+    how: str = ""
+    each: int = 1
+
+
+def failed_unwrapping(views: Sequence[ViewEvidence], removed: Removed, limits: MissingLimits) -> Finding | None:
     """`phase_wrap` where the camera removed outliers at low amplitude that are too large for noise.
 
     The lower the amplitude, the more pixels are unwrapped wrongly when frequencies are merged. A filter that removes these pixels with
     their neighbours leaves no depth that is off by a period, but holes of the filter's shape; a check of single pixels leaves holes that
-    do not depend on their neighbours. Holes below a threshold of amplitude are neither, and their rims are as dim as the threshold.
+    do not depend on their neighbours; and from capture to capture other pixels are outliers. Below a threshold of amplitude, pixels are
+    lost in all captures, in holes of any shape, whose rims are as dim as the threshold.
 
-    holes: (H, W) per view, the result of `filtered`.
+    removed: the result of `filtered`.
     """
-    inside = [expected(v, limits) for v in views]
-    gone = np.concatenate([h[i] for h, i in zip(holes, inside, strict=True)])
-    if gone.mean() < limits.lost_share or noise_may_reach(views, holes, limits):
+    inside, gone = [expected(v, limits) for v in views], removed.gone
+    lost = np.concatenate([np.where(g, lost_share(v), 0.0)[i] for v, g, i in zip(views, gone, inside, strict=True)])
+    if lost.mean() < limits.lost_share or noise_may_reach(views, gone, limits):
         return None
-    alone = _one_by_one(holes, limits.filter)
-    # A filter loses a pixel where it or one of its neighbours is an outlier.
-    share = min(1.0 - (1.0 - float(gone.mean())) ** (1 / (1 if alone else NEIGHBOURS.size)), 0.5 * SINGLE_PIXELS)
-    start = float(np.quantile(np.concatenate([v.frame.radial[h] for v, h in zip(views, holes, strict=True)]), limits.turn_start))
-    removed = in_percent(float(gone.mean()))
-    note = f"the camera's filter removed {removed} of the pixels, around outliers in weak light; their jump is not seen"
-    where = "one by one in weak light" if alone else "in holes of 3 x 3 pixels in weak light"
-    size = f"by a step that is not seen, since the camera removed these pixels: {removed} of all, {where}"
+    # A pixel is lost where it or another one that the filter takes with it is an outlier.
+    share = min(1.0 - (1.0 - float(lost.mean())) ** (1 / removed.each), 0.5 * SINGLE_PIXELS)
+    start = float(np.quantile(np.concatenate([v.frame.radial[g] for v, g in zip(views, gone, strict=True)]), limits.turn_start))
+    of_all = in_percent(float(lost.mean()))
+    note = f"the camera's filter removed {of_all} of the pixels, around outliers in weak light; their jump is not seen"
+    size = f"by a step that is not seen, since the camera removed these pixels: {of_all} of all, {removed.how}"
     # An effect outside the vocabulary may make outliers, too.
-    return Finding(PhaseWrap(start_m=start, share=share), LOSS_CONFIDENT, note=note, size=size, structure=True, holes=tuple(holes))
+    return Finding(PhaseWrap(start_m=start, share=share), LOSS_CONFIDENT, note=note, size=size, structure=True, holes=tuple(gone))
 
 
-def filtered(views: Sequence[ViewEvidence], limits: MissingLimits) -> list[Mask]:
-    """(H, W) per view: pixels that the camera removed as outliers of low amplitude, by a filter over neighbours or one by one.
+def filtered(views: Sequence[ViewEvidence], limits: MissingLimits) -> Removed:
+    """Pixels that the camera removed as outliers of low amplitude.
 
-    All three must hold, or none is returned: holes have a filter's shape, or are of pixels that are lost independently; their rims are
-    brighter than those of a threshold; and lost pixels have a lower amplitude than measured ones. None is returned without an amplitude
-    image either.
+    They are lost in some captures of a dwell and not in others, in holes of a filter's shape, or independently of their neighbours.
+    Besides, rims are brighter than those of a threshold, and lost pixels have a lower amplitude than measured ones. None is returned
+    without an amplitude image.
     """
     inside = [expected(v, limits) for v in views]
+    lost = [~(v.view.valid | other_than_cad(v)) & i for v, i in zip(views, inside, strict=True)]
+    at_times = [v.view.valid & i & (v.view.returned > 0.0) & (v.view.returned < 1.0) for v, i in zip(views, inside, strict=True)]
+    if _changes(views, inside, at_times, limits) and _of_outliers(views, inside, at_times, at_times, limits.filter):
+        either = [np.asarray(a | g) for a, g in zip(at_times, lost, strict=True)]
+        return Removed(either, "in some captures of a dwell and not in others, in weak light")
     shaped = [_shaped(v.view.valid | other_than_cad(v), limits.filter) & i for v, i in zip(views, inside, strict=True)]
     single = [_single(v.view.valid) & i for v, i in zip(views, inside, strict=True)]
-    holes = gone = shaped
-    if _pixels(single) > _pixels(shaped):  # Few holes of independent pixels have a filter's shape by chance.
-        holes, gone = single, [~(v.view.valid | other_than_cad(v)) & i for v, i in zip(views, inside, strict=True)]
-        if not _independent(views, inside, single, limits):
-            gone = []
-    return gone if gone and _of_outliers(views, inside, holes, gone, limits.filter) else [np.zeros(i.shape, bool) for i in inside]
+    if _pixels(shaped) >= _pixels(single):  # Few holes of independent pixels have a filter's shape by chance.
+        if _of_outliers(views, inside, shaped, shaped, limits.filter):
+            return Removed(shaped, "in holes of 3 x 3 pixels in weak light", NEIGHBOURS.size)
+    elif _independent(views, inside, single, limits) and _of_outliers(views, inside, single, lost, limits.filter):
+        return Removed(lost, "one by one in weak light")
+    return Removed([np.zeros(i.shape, bool) for i in inside])
+
+
+def _changes(views: Sequence[ViewEvidence], inside: Sequence[Mask], at_times: Sequence[Mask], limits: MissingLimits) -> bool:
+    """Whether much of the loss is of pixels that other captures of the same dwell measure: those `at_times`, (H, W) per view."""
+    share = [lost_share(v) for v in views]
+    changing = sum(float(s[a].sum()) for s, a in zip(share, at_times, strict=True))
+    whole = sum(float(s[i].sum()) for s, i in zip(share, inside, strict=True))
+    return changing > max(limits.lost_share * _pixels(inside), limits.filter.at_times * whole)
 
 
 def _of_outliers(
@@ -109,14 +135,9 @@ def _pixels(masks: Sequence[Mask]) -> int:
     return sum(int(m.sum()) for m in masks)
 
 
-def _one_by_one(holes: Sequence[Mask], limits: FilterLimits) -> bool:
-    """Whether these holes (H, W per view), as of `filtered`, are of single pixels, which 3 x 3 neighbourhoods do not fill."""
-    return _pixels([_shaped(~h, limits) & h for h in holes]) < 0.5 * _pixels(holes)
-
-
 def removed_for_noise(views: Sequence[ViewEvidence], limits: MissingLimits) -> list[Mask]:
     """(H, W) per view: pixels that a filter removed since their noise reaches what it lets pass; these are no effect."""
-    holes = filtered(views, limits)
+    holes = filtered(views, limits).gone
     by_noise = any(h.any() for h in holes) and noise_may_reach(views, holes, limits)
     return holes if by_noise else [np.zeros(h.shape, bool) for h in holes]
 

@@ -73,11 +73,16 @@ def lost(view: ViewEvidence, limits: MissingLimits, too_bright: float) -> Float:
     """
     seen = view.view
     by_filter = outliers_removed(seen.valid, limits)
-    some = np.where(seen.valid, 1.0 - seen.returned, seen.reason == Reason.NO_RETURN)
-    gone = np.where(expected(view, limits) & ~by_filter, some, 0.0)
+    gone = np.where(expected(view, limits) & ~by_filter, lost_share(view), 0.0)
     if seen.amplitude is None:
         return gone
     return np.where(binary_fill_holes(np.nan_to_num(seen.amplitude) > too_bright), 0.0, gone)
+
+
+def lost_share(view: ViewEvidence) -> Float:
+    """(H, W) share of a view's captures in which a pixel has no return."""
+    seen = view.view
+    return np.where(seen.valid, 1.0 - seen.returned, seen.reason == Reason.NO_RETURN)
 
 
 def outliers_removed(valid: Mask, limits: MissingLimits) -> Mask:
@@ -145,7 +150,7 @@ def dropout(
     def by_cad(v: ViewEvidence) -> Float:
         return unit * lambert_amplitude(v.rendering)
 
-    if gone.mean() < limits.lost_share and not _loses_a_part(views, losses, part, by_cad, limits):
+    if not len(gone) or (gone.mean() < limits.lost_share and not _loses_a_part(views, losses, part, by_cad, limits)):
         return None
     light, seen = losses.of(map(by_cad, views)), losses.of(map(_amplitude, views))
     loss = loss_of(gone, seen, light, losses.of(v.frame.radial for v in views), part, limits.loss)

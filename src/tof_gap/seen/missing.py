@@ -42,11 +42,11 @@ def missing_effects(
 
     blurred: whether motion mixes edges; stated: what the camera is known to do; law: gives the photon law of the session.
     """
-    holes = filtered(views, limits)
-    losses = losses_of(views, limits, holes)
+    removed = filtered(views, limits)
+    losses = losses_of(views, limits, removed.gone)
     detectors: dict[str, Callable[[], Finding | None]] = {
         Dropout.NAME: lambda: _beside_noise(dropout(views, limits, losses, stated, law), views, losses, limits),
-        PhaseWrap.NAME: lambda: phase_wrap(views, limits) or failed_unwrapping(views, holes, limits),
+        PhaseWrap.NAME: lambda: phase_wrap(views, limits) or failed_unwrapping(views, removed, limits),
         FlyingPixels.NAME: lambda: flying_pixels(views, limits, least_light(views, limits, losses)),
     }
     apart = left_out | ({FlyingPixels.NAME} if blurred else frozenset())

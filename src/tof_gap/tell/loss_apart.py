@@ -81,7 +81,7 @@ def loss_apart(real: Lossy, simulated: Lossy, parts: Sequence[str], limits: Miss
 
 def shares(session: Lossy, other: SensorModel, limits: MissingLimits) -> Shares:
     """What a session loses, and what its own sensor and another would lose in its place."""
-    losses = losses_of(session.views, limits, filtered(session.views, limits))
+    losses = losses_of(session.views, limits, filtered(session.views, limits).gone)
     rows = [
         (
             lost(session.model, v.frame)[i],

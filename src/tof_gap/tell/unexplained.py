@@ -248,7 +248,7 @@ def _lost_pixels(found: Account, parts: int, missing: MissingLimits) -> Float:
         return np.zeros(parts)
     too_bright = brightest(views, missing)
     wraps = any(f.name == PhaseWrap.NAME for f in found.findings)
-    removed = filtered(views, missing) if wraps else removed_for_noise(views, missing)
+    removed = filtered(views, missing).gone if wraps else removed_for_noise(views, missing)
     gone = by_part(views, (np.where(r, 0.0, lost(v, missing, too_bright)) for v, r in zip(views, removed, strict=True)), parts)
     inside = sum(int(expected(v, missing).sum()) for v in views)
     return gone if gone.sum() > missing.lost_share * inside else np.zeros(parts)

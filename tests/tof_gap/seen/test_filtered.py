@@ -83,6 +83,24 @@ def test_single_pixels_that_a_check_removed_in_weak_light_are_failed_unwrapping(
     assert found.effect.share == pytest.approx(np.mean([(~v.view.valid)[expected(v, LIMITS)].mean() for v in lossy]), rel=0.2)
 
 
+@pytest.mark.parametrize(
+    ("rate", "effect", "words"), [(8.0, PhaseWrap, "in some captures of a dwell and not in others"), (0.0, Dropout, "")]
+)
+def test_other_pixels_that_each_capture_loses_in_weak_light_are_failed_unwrapping(rate: float, effect: type, words: str) -> None:
+    """Four captures a dwell; the filter takes each outlier with its neighbours. At any light (rate 0), the same loss is at random."""
+    rng, seen = np.random.default_rng(3), []
+    for v in session(lambda _, rng: rng.random(SHAPE) < 0.0):
+        light = np.asarray(v.view.amplitude)
+        chance = 0.05 * np.exp(-rate * (light - 0.5)) if rate else np.full(SHAPE, 0.02)
+        count = sum((~binary_dilation(rng.random(SHAPE) < chance, BLOCK)).astype(int) for _ in range(4))
+        depth, reason = np.where(count > 0, v.view.depth, np.nan), np.where(count > 0, Reason.VALID, Reason.NO_RETURN)
+        view = replace(v.view, captures=4, count=count, depth=depth.astype(np.float32), reason=reason.astype(np.uint8))
+        seen.append(replace(v, view=view, residual=np.where(count > 0, v.residual, np.nan), smooth=v.smooth & (count > 0)))
+    (found,) = missing_effects(seen, LIMITS)
+    assert isinstance(found.effect, effect)
+    assert words in found.size
+
+
 def test_single_pixels_below_a_threshold_in_uneven_light_are_dropout() -> None:
     """Holes at the threshold are of single pixels here and there, and their rims as dim as it."""
     assert names(session(lambda light, _: light < 0.7, uneven=0.1)) == ["dropout"]
@@ -91,7 +109,7 @@ def test_single_pixels_below_a_threshold_in_uneven_light_are_dropout() -> None:
 def test_loss_below_a_threshold_of_amplitude_is_dropout() -> None:
     lossy = session(lambda light, rng: light * (1 + 0.02 * rng.standard_normal(SHAPE)) < 0.7)
     assert names(lossy) == ["dropout"]
-    assert not any(f.any() for f in filtered(lossy, LIMITS))
+    assert not any(f.any() for f in filtered(lossy, LIMITS).gone)
 
 
 @pytest.mark.parametrize("outline_px", [0, 2])
@@ -104,7 +122,7 @@ def test_a_foreign_object_that_was_taken_out_is_no_hole_and_its_outline_is_an_ed
     reason = np.where(of, Reason.NOT_CAD, np.where(removed, Reason.NO_RETURN, Reason.VALID)).astype(np.uint8)
     seen = [replace(v, view=replace(v.view, depth=np.where(removed, np.float32(np.nan), v.view.depth), reason=reason)) for v in lossy]
     assert names(seen) == []
-    assert not any(f.any() for f in filtered(seen, LIMITS))
+    assert not any(f.any() for f in filtered(seen, LIMITS).gone)
 
 
 def test_single_pixels_lost_at_random_are_dropout() -> None:
@@ -137,7 +155,7 @@ def test_what_a_filter_removes_for_noise_is_known(sigma: float, *, removed: bool
     lossy = session(outliers_in_weak_light, sigma=sigma)
     holes = removed_for_noise(lossy, LIMITS)
     assert any(h.any() for h in holes) == removed
-    assert not removed or all(np.array_equal(h, f) for h, f in zip(holes, filtered(lossy, LIMITS), strict=True))
+    assert not removed or all(np.array_equal(h, f) for h, f in zip(holes, filtered(lossy, LIMITS).gone, strict=True))
 
 
 def test_the_filter_sees_the_noise_of_single_captures() -> None:
@@ -157,7 +175,7 @@ def test_a_filter_s_holes_are_no_dropout_where_phase_wrap_is_left_out() -> None:
 
 
 def test_without_amplitude_no_hole_is_a_filter_s() -> None:
-    assert not any(f.any() for f in filtered(session(outliers_in_weak_light, amplitude=False), LIMITS))
+    assert not any(f.any() for f in filtered(session(outliers_in_weak_light, amplitude=False), LIMITS).gone)
 
 
 def test_the_chance_that_lost_pixels_are_dimmer_is_that_of_their_ranks() -> None:

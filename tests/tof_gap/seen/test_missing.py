@@ -162,9 +162,9 @@ def test_a_threshold_at_which_depth_is_good_is_told_from_one_that_any_camera_nee
 
 def test_a_threshold_that_the_data_sheet_states_is_expected_until_it_is_half_as_much_again() -> None:
     lost, threshold = dark_lost()
-    for stated, expected in ((0.8 * threshold, True), (0.5 * threshold, False)):
+    for stated, known in ((0.8 * threshold, True), (0.5 * threshold, False)):
         (found,) = missing_effects(lost, MissingLimits(), stated=StatedNoise(effects=(Dropout(stated, 50.0),)))
-        assert found.expected is expected
+        assert found.expected is known
 
 
 def test_loss_at_random_is_expected_of_a_camera_that_is_known_for_it() -> None:
