@@ -154,6 +154,13 @@ class SelectLimits:
         high=1.0,
         why="maps of the others are never exact",
     )
+    on_one_part: float = param(
+        0.1,
+        "least gain of an effect of a part, as a share of what all effects of this part explain together",
+        low=0.0,
+        high=1.0,
+        why="a map of a part that moved far is of first order: beside a displacement of 7 mm and 2 degrees, a translucent part explains 3 %",
+    )
     steady: float = param(
         0.25, "share of the gain that must remain without the best view", low=0.0, high=1.0, why="an effect shows in more than one view"
     )

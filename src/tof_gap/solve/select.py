@@ -191,6 +191,7 @@ def weak(judge: Selector, current: Hypothesis) -> list[tuple[float, int]]:
             or gain < judge.config.absorbed * _absorbable(judge, current, i)
             or gain < _lacking(judge, current, i)
             or gain < _rough(judge, current, i, lost)
+            or gain < _on_one_part(judge, current, i)
             or not shown(judge, current, i)
         )
     ]
@@ -276,6 +277,17 @@ def _rough(judge: Selector, current: Hypothesis, place: int, lost: Float) -> flo
     if judge.frees_hand([member]):
         return 0.0
     return max((e.ROUGH * lost[i] for i, e in enumerate(effects) if e is not None and i != place), default=0.0)
+
+
+def _on_one_part(judge: Selector, current: Hypothesis, place: int) -> float:
+    """Chi-square that the member at `place` must explain where another effect acts on its part: the two take each other's place."""
+    effects = [judge.design.candidates[m].effect for m in current.members]
+    part = getattr(effects[place], "part", -1)
+    shared = [i for i, e in enumerate(effects) if getattr(e, "part", -1) == part]
+    if part < 0 or len({judge.design.candidates[current.members[i]].name for i in shared}) < 2:
+        return 0.0
+    without = judge.score([m for i, m in enumerate(current.members) if i not in shared], current.inflate)
+    return judge.config.on_one_part * (without.score - current.score)
 
 
 def _described(judge: Selector, current: Hypothesis, small: tuple[str, ...]) -> Selection:
