@@ -55,11 +55,12 @@ def stepping_captures(views: Sequence[ViewEvidence], limits: NoiseLimits) -> Fin
     steps = steps_of(views, limits)
     if steps is None:
         return None
-    share = [_of_mean(v, steps.light_m * (number in steps.hit)) for number, v in enumerate(views)]
+    share = np.stack([_of_mean(v, steps.light_m * (number in steps.hit)) for number, v in enumerate(views)])
     of_all = f"{len(steps.hit)} of {steps.dwells} dwells"
     note = f"the whole image steps from capture to capture by {1e3 * steps.size_m:.1f} mm RMS, in {of_all}"
     effect = interference(views, steps.size_m, duty=len(steps.hit) / steps.dwells)
-    return Finding(effect, CONFIDENT, share=np.stack(share), note=note)
+    # A pose absorbs what steps with the whole image.
+    return Finding(effect, CONFIDENT, share=share, note=note, posed_m=float(np.sqrt(np.nanmean(share**2))))
 
 
 def steps_of(views: Sequence[ViewEvidence], limits: NoiseLimits) -> Steps | None:
