@@ -222,11 +222,14 @@ class SelectLimits:
         why="a healthy camera has errors of up to a millimetre: table, temperature, albedo",
     )
     motion_mm: float = param(
-        0.6,
-        "the same of motion, unless the stamps are late",
+        0.5,
+        "the same of motion, times the share of its map that the pixels which it moves show, edges among them; unless the stamps are late",
         unit="mm",
         low=0.0,
-        why="at 0.15 m/s a frame of 30 ms, twice that of usual cameras; 0.73 beside late stamps, which leave errors that follow the velocity",
+        why="read-outs that are slow, four sessions: 0.65 to 2.2; a filter that smooths edges, and late stamps alone: 0.2",
+    )
+    motion_moved_mm: float = param(
+        0.3, "error of a pixel from which motion moves it", unit="mm", low=0.0, why="less is below the noise of any pixel"
     )
     named_freely: int = param(2, "number of effects up to which small ones are named", low=1, high=12, why="two causes are usual")
     neighbours: float = param(30.0, "drawn pixels that share one unmodelled error", low=1.0, why="such errors are some 15 pixels wide")

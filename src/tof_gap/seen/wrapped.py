@@ -42,13 +42,14 @@ def phase_wrap(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding 
         return None
     short = bool(np.median(jump[near]) < 0)
     others, others_share = _other_jumps(np.abs(jump), size, limits, limits.turn_share * total)
-    jumps = np.sort(np.concatenate([_whole(size), others]))
+    captures, spread = max(v.view.captures for v in views), limits.turn_spread_mm * 1e-3
+    turn = _turn(size, others, captures, spread)
+    jumps = np.sort(np.concatenate([_whole(turn), [size] if turn > size else [], others]))
     maps = [_wraps(v, jumps, limits) for v in views]
     start, share = _where_wrapped(views, maps, limits, short=short)
-    captures = max(v.view.captures for v in views)
-    own = [i for i, other in enumerate(others) if not _of_a_mean(other, size, captures, limits.turn_spread_mm * 1e-3)]
+    own = [i for i, other in enumerate(others) if not _of_a_mean(other, turn, captures, spread)]
     effect = PhaseWrap(
-        modulation_mhz=LIGHT_M_PER_S / (2e6 * size),
+        modulation_mhz=LIGHT_M_PER_S / (2e6 * turn),
         start_m=start if short else -start,
         share=share,
         others_m=tuple(others[i] for i in own),
@@ -81,6 +82,17 @@ def _other_jumps(sizes: Float, size: float, limits: MissingLimits, least: float)
         found.append((jump, float(own.sum()) / len(sizes)))
         left = left[~own]
     return tuple(jump for jump, _ in found), tuple(share for _, share in found)
+
+
+def _turn(size: float, others: Sequence[float], captures: int, spread: float) -> float:
+    """The jump of a capture, of which means of dwells show parts: the least multiple of `size` that makes all jumps where one capture jumps.
+
+    Few captures jump, so that a mean of n captures is mostly off by one nth. All in metres.
+    """
+    for turn in size * np.arange(1, captures + 1):
+        if all((np.abs(other - turn / np.arange(1, captures + 1)) < spread).any() for other in others):
+            return float(turn)
+    return size
 
 
 def _of_a_mean(jump: float, size: float, captures: int, spread: float) -> bool:

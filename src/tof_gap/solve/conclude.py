@@ -13,7 +13,7 @@ from tof_gap.seen.residual import less, noise_again
 from tof_gap.seen.steps import beside_steps
 from tof_gap.solve.candidate import HAND_EYE
 from tof_gap.solve.causes import Posed, free_shares, named, smooth_ones
-from tof_gap.solve.confirmed import confirmed_m, energy_share, sizes_m
+from tof_gap.solve.confirmed import confirmed_m, energy_share, seen_share, sizes_m
 from tof_gap.solve.judge import Selector
 from tof_gap.solve.lateness import late_apart
 from tof_gap.solve.solution import delayed, lens_of, solution
@@ -69,7 +69,9 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         true = replace(stated, views=observe(views, caster, there, config, lens=lens_of(joint)), chain=there)
         own, nameless = true.shares(still), free_shares(joint, true.views)
     sizes = sizes_m(maps | free, evidence, split.held_out) | confirmed_m(joint, judge, true, own, nameless, split, config.solve.joint)
-    small = _small(sizes, maps, rest, config.select)
+    least_m = config.select.motion_moved_mm * 1e-3
+    seen = {name: seen_share(name, maps | free, evidence, least_m) for name in maps if name == Motion.NAME}
+    small = _small({name: size * seen.get(name, 1.0) for name, size in sizes.items()}, maps, rest, config.select)
     # Errors of a healthy camera are no gap: they are subtracted before anything is stated.
     evidence = less(evidence, [by_view for name, by_view in (maps | free).items() if name in small])
     maps, free = ({name: by_view for name, by_view in one.items() if name not in small} for one in (maps, free))

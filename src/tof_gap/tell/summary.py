@@ -112,7 +112,7 @@ def _pose_lines(d: Diagnosis) -> list[str]:
     of_axis = f"{d.chain.priors.arm_mm:g} mm and {d.chain.priors.arm_deg:g} degrees an axis"
     by_settings = f"{of_axis} by align.priors.arm_mm and arm_deg, which --set changes to those of your arm"
     return [
-        f"errors of the arm from view to view: {seen} RMS over three axes, where the robot's prior expects {expected} ({by_settings})",
+        f"errors of the arm from view to view: {seen} RMS (lengths, of all three axes together), where the robot's prior expects {expected} ({by_settings})",
         calibration_words(d.config.calibration),
         hand_eye_words(d.hand_eye),
     ]

@@ -37,6 +37,13 @@ GOES_WITH = {
 """Words for observables whose names are no words of a reader."""
 HELD = 1e-9
 """Metres and radians from the stated hand-eye up to which it was not estimated: rounding errors."""
+FIRST_LOOK = {
+    "stray_light": "Check the camera's window and the air before it: light that spreads in dirt, dust or fog errs with stray light over the returned light.",
+    "viewed": "Check the camera's exposure, supply and driver: it errs by another amount in each view, as distance and brightness change.",
+    "column": "Check the camera's read-out, and reflections in its window: the error keeps to columns of the image.",
+    "row": "Check the camera's read-out, and reflections in its window: the error keeps to rows of the image.",
+}
+"""What to check first where an error of the camera itself shows in what the error varies with."""
 MOST_STATED = 3
 """Instances of one effect whose sizes are stated."""
 
@@ -95,19 +102,25 @@ def where_to_look(where: Sequence[str], depends_on: Sequence[str] = (), suspects
     if "attitude" in depends_on:
         return "Check the camera's mount and the arm for play: the camera turns under its own weight as the hand turns."
     light = f" (suspected: {listed(suspects)})" if suspects else ""
+    first = next((FIRST_LOOK[quantity] for quantity in depends_on if quantity in FIRST_LOOK), "")
+    look, check = ("If it is in order, look", "If it is in order, check") if first else ("Look", "Check")
     if "arm" in depends_on:
-        return (
-            "Check the arm's encoders, the base and TF: camera poses err from view to view by more than align.priors.arm_mm and arm_deg. "
+        then = (
+            f"{check} the arm's encoders, the base and TF: camera poses err from view to view by more than align.priors.arm_mm and arm_deg. "
             "If this arm is no better, state its errors there. If robot and TF are in order, the fitted poses have followed an error of the "
             f"camera or of the light that differs from view to view{light}."
         )
-    if where:
+    elif where:
         they = "it is" if len(where) == 1 else "they are"
-        return (
-            f"Look at {listed(where[:3])}, where most of the error lies: check whether {they} as drawn and in place, and whether {they} glossy, "
+        then = (
+            f"{look} at {listed(where[:3])}, where most of the error lies: check whether {they} as drawn and in place, and whether {they} glossy, "
             f"wet or transparent. If nothing is to be seen there, the cause is the camera's or the light's{light}."
         )
-    return "Look at the maps of the report: no effect known here explains the error that is left, and it lies on no part in particular."
+    else:
+        then = (
+            f"{look} at the maps of the report: no effect known here explains the error that is left, and it lies on no part in particular."
+        )
+    return f"{first} {then}" if first else then
 
 
 def size_in_words(cause: dict[str, Any], course: Course) -> str:

@@ -31,7 +31,7 @@ class Dropout(Effect):
 
     NAME: ClassVar[str] = "dropout"
     ORDER: ClassVar[int] = 80
-    MEANING: ClassVar[str] = "pixels without depth"
+    MEANING: ClassVar[str] = "pixels without depth, away from edges and surfaces seen at a slant"
     REMEDY: ClassVar[str] = (
         "where light is weak, expose longer, come closer or lower the camera's confidence threshold; where it is not, look at the surfaces, "
         "the camera's filters and the link that carries its images"

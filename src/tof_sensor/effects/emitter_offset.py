@@ -46,7 +46,8 @@ class EmitterOffset(Effect):
     @property
     def stated(self) -> str:
         """Position of the lamp relative to the lens."""
-        return f"lamp {1e3 * self.x_m:+.1f} mm to the right, {1e3 * self.y_m:+.1f} mm below"
+        across, along = "right" if self.x_m >= 0.0 else "left", "below" if self.y_m >= 0.0 else "above"
+        return f"lamp {1e3 * abs(self.x_m):.1f} mm to the {across} of the lens, {1e3 * abs(self.y_m):.1f} mm {along} it, as the image shows them"
 
     def columns(self, frame: Frame) -> Float:
         """First order along z: minus half of the direction's x and y."""

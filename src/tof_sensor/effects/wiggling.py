@@ -116,7 +116,7 @@ class Wiggling(CurveEffect):
 
     @classmethod
     def _of_frequencies(cls, session: Session) -> Iterator[Form]:
-        """The harmonics that three and four taps alias, of each stated frequency, where the session sees a whole period; further, the first two."""
+        """The harmonics that three, four and five taps alias, of each stated frequency, where the session sees a whole period; further, the first two."""
         for mhz, harmonic in itertools.product(session.stated_mhz, (*ALIASED, *WHOLE_TURN)):
             wave = cls(modulation_mhz=mhz, harmonic=harmonic)
             further = harmonic in WHOLE_TURN
@@ -127,8 +127,8 @@ class Wiggling(CurveEffect):
 
 LEAST_SPAN_M = 0.08
 """Least span of range in metres: a quarter of the shortest usual period (c0 / 8f at 120 MHz)."""
-ALIASED = (4, 8, 3, 6)
-"""Periods in one turn of the phase: harmonics next to a multiple of four are aliased by four taps, those next to a multiple of three by three."""
+ALIASED = (4, 8, 3, 6, 5)
+"""Periods in one turn of the phase: harmonics next to a multiple of four are aliased by four taps, next to one of three or five by as many."""
 SHORTEST_M, LONGEST_M, MOST_PERIODS = 0.06, 1.0, 40
 """Shortest and longest period that are tried, in metres (c0 / 8f at 620 MHz, above any camera's, and at 37 MHz), and most periods tried.
 

@@ -198,6 +198,20 @@ def test_a_jump_shorter_than_any_turn_is_no_lost_turn(turn_m: float, names: list
     assert [f.name for f in missing_effects(views(np.random.default_rng(5), jump), MissingLimits())] == names
 
 
+def test_jumps_of_which_means_show_a_third_or_half_are_whole_jumps_of_one_capture() -> None:
+    """Of three captures one jumps by 2.1 m, or of two where one is lost: no capture is off by 0.7 or 1.05 m."""
+    jump = np.array([0.0, 0.7, 1.05])[np.random.default_rng(7).choice(3, p=[0.97, 0.02, 0.01], size=(VIEWS, *SHAPE))]
+    seen = [replace(v, view=replace(v.view, captures=3, count=np.full(SHAPE, 3))) for v in views(np.random.default_rng(5), jump)]
+    (found,) = missing_effects(seen, MissingLimits())
+    assert isinstance(found.effect, PhaseWrap)
+    assert found.effect.turn_m == pytest.approx(2.1, abs=5e-3)
+    assert found.effect.others_m == ()
+    assert found.share is not None
+    lengths = np.stack([v.frame.length for v in seen])
+    for size in (0.7, 1.05):
+        assert np.nanmedian((found.share * lengths)[jump == size]) == pytest.approx(size, abs=5e-3)
+
+
 @pytest.mark.parametrize(("captures", "stated"), [(1, (0.39,)), (3, ())])
 def test_half_of_a_jump_is_that_of_a_mean_of_captures(captures: int, stated: tuple[float, ...]) -> None:
     """Of two captures one jumps by 0.78 m: the mean is off by 0.39 m, which no capture is. It is subtracted all the same."""

@@ -12,7 +12,7 @@ import pytest
 from tof_core.calibration import Calibration
 from tof_core.camera import Camera
 from tof_gap.solve.causes import confidence, smooth_ones
-from tof_gap.solve.confirmed import _one_surface, confirmed, energy_share, mean_square, sizes_m
+from tof_gap.solve.confirmed import _one_surface, confirmed, energy_share, mean_square, seen_share, sizes_m
 from tof_gap.solve.tolerance import _no_longer, calibrated
 from tof_gap.solved import Named
 from tof_sensor.effects.depth_scale import DepthScale
@@ -137,3 +137,21 @@ def test_what_single_pixels_err_by_is_left_out_of_smooth_causes() -> None:
     found: Any = smooth_ones(both)
     assert found[0] is plain
     assert found[1].effects == ("smooth",)
+
+
+def test_motion_is_seen_where_its_pixels_show_it_edges_among_them() -> None:
+    """Maps of 1 and 2 mm, of which the pixels show one half; gross pixels, unmeasured ones and those that hardly move do not count."""
+    own = np.array([1e-3, 2e-3, 1e-4, 5e-3, 2e-3])
+    other = np.array([3e-3, 0.0, 0.0, 0.0, 0.0])
+    residual = np.array([3.5e-3, 1e-3, 9.0, 9.0, np.nan])
+    seen: Any = SimpleNamespace(residual=residual, gross=np.array([False, False, False, True, False]), sigma=np.full(5, 1e-3))
+    maps = {Motion.NAME: [own], DepthScale.NAME: [other]}
+    assert seen_share(Motion.NAME, maps, [seen], 3e-4) == pytest.approx(0.5)
+    assert seen_share(Motion.NAME, {Motion.NAME: [-own]}, [seen], 3e-4) == 0.0
+    assert seen_share(Motion.NAME, {Motion.NAME: [0.1 * own]}, [replace_residual(seen, own)], 5e-5) == 1.0
+    assert seen_share(Motion.NAME, {Motion.NAME: [own]}, [seen], 1.0) == 0.0
+
+
+def replace_residual(view: Any, residual: Any) -> Any:
+    """The view with another residual."""
+    return SimpleNamespace(**{**vars(view), "residual": residual})

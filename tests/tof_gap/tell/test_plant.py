@@ -93,7 +93,7 @@ def test_lost_pixels_are_stated_by_what_they_go_with() -> None:
     loss = Loss(GoesWith.LIGHT, 0.034, (1, 0), amplitude=75.5, of_median=0.15)
     _, dropout = plant_words(diagnosis(size=loss.size, remedy=loss.remedy, parts=loss.parts), SCENE)
     assert dropout.sentence() == (
-        "Dropout: pixels without depth (3 % of the pixels, those of weak light: below amplitude 75.5, 15 % of the median; on pipe and panel). "
+        "Dropout: pixels without depth, away from edges and surfaces seen at a slant (3 % of the pixels, those of weak light: below amplitude 75.5, 15 % of the median; on pipe and panel). "
         "To do: nothing if these surfaces are not needed: cameras drop weak pixels by design (confidence or amplitude threshold). Otherwise "
         "expose longer or come closer; a lower threshold returns these pixels with more noise. "
         "If nothing is done, these pixels have no depth, and the others are not affected."

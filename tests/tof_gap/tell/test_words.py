@@ -174,6 +174,15 @@ def test_what_is_left_is_looked_for_on_its_parts() -> None:
     assert where_to_look(("door",), ("attitude",)).startswith("Check the camera's mount")
 
 
+def test_what_varies_as_the_camera_s_own_errors_do_is_looked_for_in_the_camera_first() -> None:
+    first, then = where_to_look(("floor",), ("stray_light",)).split(". ", 1)
+    assert first.startswith("Check the camera's window and the air before it")
+    assert then.startswith("If it is in order, look at floor")
+    assert where_to_look((), ("viewed", "arm")).index("supply and driver") < where_to_look((), ("viewed", "arm")).index(
+        "the arm's encoders"
+    )
+
+
 def test_the_gap_away_from_edges_stands_beside_one_that_few_pixels_at_edges_make() -> None:
     gap = {"shrink": 0.99, "off_edges_mm": {"before": 4.94, "after": 3.65}}
     found = {"verdict": ["flying_pixels"], "gap": gap, "causes": [], "unexplained": {"depends_on": [], "where": [], "structured": False}}
