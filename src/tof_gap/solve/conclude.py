@@ -69,9 +69,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         true = replace(stated, views=observe(views, caster, there, config, lens=lens_of(joint)), chain=there)
         own, nameless = true.shares(still), free_shares(joint, true.views)
     sizes = sizes_m(maps | free, evidence, split.held_out) | confirmed_m(joint, judge, true, own, nameless, split, config.solve.joint)
-    least_m = config.select.motion_moved_mm * 1e-3
-    seen = {name: seen_share(name, maps | free, evidence, least_m) for name in maps if name == Motion.NAME}
-    small = _small({name: size * seen.get(name, 1.0) for name, size in sizes.items()}, maps, rest, config.select)
+    small = _small(_as_seen(sizes, maps, free, evidence, config.select), maps, rest, config.select)
     # Errors of a healthy camera are no gap: they are subtracted before anything is stated.
     evidence = less(evidence, [by_view for name, by_view in (maps | free).items() if name in small])
     maps, free = ({name: by_view for name, by_view in one.items() if name not in small} for one in (maps, free))
@@ -122,6 +120,20 @@ def _subtracted(
     """The views less the smooth bias of `causes` and of free functions; maps: of the causes, pixel offsets included."""
     smooth = {**maps, **posed.shares([n for n in smooth_ones(causes) if n not in causes])}
     return less(posed.views, [*smooth.values(), *free.values()])
+
+
+def _as_seen(
+    sizes: Mapping[str, float],
+    maps: Mapping[str, Sequence[Float]],
+    free: Mapping[str, Sequence[Float]],
+    views: Sequence[ViewEvidence],
+    limits: SelectLimits,
+) -> dict[str, float]:
+    """The sizes in metres, that of `motion` times the share of its map that the pixels which it moves show."""
+    if Motion.NAME not in maps:
+        return dict(sizes)
+    share = seen_share(Motion.NAME, {**maps, **free}, views, limits.motion_moved_mm * 1e-3)
+    return {**sizes, Motion.NAME: sizes[Motion.NAME] * share}
 
 
 def _small(sizes: Mapping[str, float], maps: Mapping[str, Sequence[Float]], causes: Sequence[Named], limits: SelectLimits) -> set[str]:

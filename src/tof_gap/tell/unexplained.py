@@ -111,9 +111,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     off = np.zeros(len(scene.parts), bool)
     if not figures.alike_m:
         before = block_means(views, residual, noise2, limits.block_px, limit.block_pixels)
-        # Another camera's light moves parts otherwise than the whole, which poses absorb.
-        on_part_m = max(on_part_mm * 1e-3, rough_m(solved), figures.posed_m)
-        off = off_parts(means, before, len(scene.parts), len(views), limit, on_part_m)
+        off = off_parts(means, before, len(scene.parts), len(views), limit, max(on_part_mm * 1e-3, rough_m(solved)))
     least = np.hypot(least_mm, 1e3 * figures.alike_m)
     of_lines = lines_off(line_sizes_m(views, left, noise2), least, limit.share * before2)
     a_gap, beyond_maps = before2 > limit.mm**2, size**2 > limit.share * before2
