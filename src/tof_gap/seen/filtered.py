@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
 
 
+EVEN = 0.5
+"""Chance that a lost pixel is dimmer than another one where there is nothing to compare."""
+
+
 @dataclass(frozen=True, slots=True)
 class Removed:
     """Pixels that the camera removed as outliers of low amplitude.
@@ -154,7 +158,7 @@ def _shaped(valid: Mask, limits: FilterLimits) -> Mask:
 def chance_dimmer(views: Sequence[ViewEvidence], inside: Sequence[Mask], gone: Sequence[Mask]) -> float:
     """Chance that a pixel of `gone` has a lower amplitude, by the CAD, than another pixel of `inside`: the area under the ROC curve.
 
-    One view after the other, since ranks of all pixels of a long session take a gigabyte.
+    Even chances without pixels of both. One view after the other, since ranks of all pixels of a long session take a gigabyte.
     """
     lost = np.sort(np.concatenate([lambert_amplitude(v.rendering)[g] for v, g in zip(views, gone, strict=True)]))
     dimmer, pairs = 0.0, 0
@@ -162,7 +166,7 @@ def chance_dimmer(views: Sequence[ViewEvidence], inside: Sequence[Mask], gone: S
         kept = lambert_amplitude(v.rendering)[i & ~g]
         dimmer += pairs_below(lost, kept)
         pairs += len(lost) * len(kept)
-    return dimmer / pairs if pairs else 1.0
+    return dimmer / pairs if pairs else EVEN
 
 
 def noise_may_reach(views: Sequence[ViewEvidence], holes: Sequence[Mask], limits: MissingLimits) -> bool:

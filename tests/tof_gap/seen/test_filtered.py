@@ -190,4 +190,5 @@ def test_the_chance_that_lost_pixels_are_dimmer_is_that_of_their_ranks() -> None
     )
     expected = mannwhitneyu(every[~lost], every[lost]).statistic / (lost.sum() * (~lost).sum())
     assert chance_dimmer(seen, inside, gone) == pytest.approx(expected, rel=1e-12)
-    assert chance_dimmer(seen, inside, [np.zeros(SHAPE, bool)] * 3) == 1.0
+    assert chance_dimmer(seen, inside, [np.zeros(SHAPE, bool)] * 3) == 0.5, "none is lost"
+    assert chance_dimmer(seen, inside, inside) == 0.5, "each is lost"

@@ -73,7 +73,7 @@ def test_stated_frequencies_replace_the_usual_ones() -> None:
         further: {round(c.effect.period_m, 3) for c in made if isinstance(c.effect, Wiggling) and c.further is further}
         for further in (False, True)
     }
-    assert waves == {False: {0.234, 0.312, 0.416, 0.468, 0.625, 0.833}, True: {0.937, 1.249, 1.874}}
+    assert waves == {False: {0.234, 0.312, 0.375, 0.416, 0.468, 0.5, 0.625, 0.833}, True: {0.937, 1.249, 1.874}}
 
 
 @pytest.mark.parametrize(
