@@ -27,9 +27,7 @@ def test_columns_of_a_pattern_are_no_noise_once_they_are_taken_off() -> None:
 @pytest.mark.parametrize(
     ("size_m", "late", "small"), [(0.6e-3, False, False), (0.6e-3, True, True), (1.1e-3, True, False), (0.4e-3, False, True)]
 )
-def test_motion_counts_from_half_a_millimetre_on_and_beside_late_stamps_from_one(
-    *, size_m: float, late: bool, small: bool
-) -> None:
+def test_motion_counts_from_half_a_millimetre_on_and_beside_late_stamps_from_one(*, size_m: float, late: bool, small: bool) -> None:
     maps = {"motion": [np.full((2, 2), size_m)], "wiggling": [np.full((2, 2), 0.9e-3)]}
     causes = [Named(name, (), (), (), 1.0) for name in ("motion", "wiggling", *(["time_sync"] if late else []))]
     found = _small({"motion": size_m, "wiggling": 0.9e-3}, maps, causes, SelectLimits())
