@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Captures that would separate tied effects, each tried on the design matrix."""
+"""What to capture: less light, or what would separate tied effects, each capture tried on the design matrix."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from tof_core.shares import in_percent
 from tof_gap.seen.edges import edge_band
 from tof_gap.solve.candidate import HAND_EYE, Candidate
 from tof_gap.solve.columns import build, stored
+from tof_gap.tell.over_exposed import over_exposed
 from tof_scene.render import render
 from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.frame import ideal_frame
@@ -33,11 +34,13 @@ EXTRA = 4
 
 
 def advise(d: Diagnosis, caster: Raycaster) -> list[str]:
-    """A line for each tie: the action after which poses and one effect imitate least of the other effect.
+    """What to capture: views with less light where many pixels are over-exposed, and a line for each tie.
 
-    Each action is tried with a few views of the session; the share that would be left follows from Gram matrices.
+    For a tie it is the action after which poses and one effect imitate least of the other effect. Each action is tried with a few views
+    of the session; the share that would be left follows from Gram matrices.
     """
-    return sorted({_for_tie(d, caster, one, other) for one, other in d.solved.tied})
+    light = over_exposed(d.evidence, caster.scene.names, d.config.missing, d.config.report.over_exposed)
+    return [*([light] if light else []), *sorted({_for_tie(d, caster, one, other) for one, other in d.solved.tied})]
 
 
 def _for_tie(d: Diagnosis, caster: Raycaster, effect: Effect | None, other: Effect | None) -> str:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from tof_core.capture import RobotPose, View
 from tof_core.cores import in_threads
 from tof_core.errors import RefusedError
 from tof_core.image_folder import CAMERA, is_image_folder, read_image_folder, write_camera
+from tof_core.stats import robust_std
 from tof_scene.board import board_scene
 
 if TYPE_CHECKING:
@@ -43,6 +44,8 @@ HELD_MM, HELD_DEG = 1e-2, 1e-3
 """Prior standard deviations of base and hand-eye, which do not exist before a board."""
 PRINT_SCALE_PCT = 0.3
 """Assumed largest error of a board's print scale in per cent: printers and paper differ by 0.1 to 0.3 %. Poses scale with it, so a depth_scale within it may be the board's error."""
+OTHER_SIZE = 0.08
+"""Relative difference of measured depth and the board's from which a wrong size of the squares is stated: cameras err by 5 % at half a metre, squares of 25 and 30 mm differ by 17 %."""
 NOT_TESTABLE = {
     "cad_deviation": "the board is taken to be flat and whole",
     "hand_eye": "poses come from the board's corners, not from an arm",
@@ -153,7 +156,7 @@ def board_session(captures: Sequence[Capture], board: Board, *, calibrate: bool 
         calibrate: fit the lens to the corners instead of using CameraInfo's.
 
     Raises:
-        RefusedError: no amplitude, or the board is found in no capture.
+        RefusedError: no amplitude, the board is found in no capture, or its size contradicts the measured depth.
     """
     if all(c.amplitude is None for c in captures):
         raise RefusedError("no capture has an amplitude image", where="--board", todo="record the camera's IR or amplitude topic too")
@@ -177,8 +180,10 @@ def board_session(captures: Sequence[Capture], board: Board, *, calibrate: bool 
         )
     sure = with_lens_errors([p for *_, p in posed], [f for _, f, _ in posed], camera)
     posed = [(c, f, p) for (c, f, _), p in zip(posed, sure, strict=True)]
+    squares = [_squares(c, p, board) for c, _, p in posed]
+    check_size(squares, board)
     views = tuple(replace(View.of_capture(c), robot=RobotPose(np.eye(4), p.T_board_camera, cov=p.cov)) for c, _, p in posed)
-    black, white, odd_is_black = _albedos([(c, p) for c, _, p in posed], board)
+    black, white, odd_is_black = _albedos(squares, board)
     scene = board_scene(board, black, white, odd_is_black=odd_is_black)
     kept = {v.stamp_ns for v in views}
     return BoardSession(
@@ -186,22 +191,58 @@ def board_session(captures: Sequence[Capture], board: Board, *, calibrate: bool 
     )
 
 
-def _albedos(posed: Sequence[tuple[Capture, BoardPose]], board: Board) -> tuple[float, float, bool]:
-    """Albedo of black and white squares, and whether odd squares are black, from the amplitude at the squares' centres."""
-    lower, odd = board.squares
+class Squares(NamedTuple):
+    """Centres of the board's squares in one capture.
+
+    at: (n, 3) metres in the camera frame, by the corners; off_plane_m: the camera's distance from the board's plane; amplitude, depth (n,):
+    measured there, NaN outside the image.
+    """
+
+    at: Float
+    off_plane_m: float
+    amplitude: Float
+    depth: Float
+
+
+def _squares(capture: Capture, pose: BoardPose, board: Board) -> Squares:
+    """What a capture measures at the centres of the board's squares."""
+    lower, _ = board.squares
     centre = np.concatenate([lower + 0.5 * board.extent, np.zeros((len(lower), 1))], axis=1)
-    levels = []
-    for capture, pose in posed:
-        R, t = pose.T_board_camera[:3, :3], pose.T_board_camera[:3, 3]
-        at = (centre - t) @ R
-        column, row = np.rint(capture.camera.project(at)).astype(int).T
-        h, w = capture.depth.shape
-        inside = (column >= 0) & (column < w) & (row >= 0) & (row < h)
-        amplitude = np.full(len(centre), np.nan)
-        assert capture.amplitude is not None
-        amplitude[inside] = capture.amplitude[row[inside], column[inside]]
-        r2 = (at**2).sum(axis=1)
-        levels.append(amplitude * r2 * np.sqrt(r2) / np.abs((centre - t)[:, 2]))
+    R, t = pose.T_board_camera[:3, :3], pose.T_board_camera[:3, 3]
+    at = (centre - t) @ R
+    column, row = np.rint(capture.camera.project(at)).astype(int).T
+    h, w = capture.depth.shape
+    inside = (column >= 0) & (column < w) & (row >= 0) & (row < h)
+    amplitude, depth = np.full((2, len(centre)), np.nan)
+    assert capture.amplitude is not None
+    amplitude[inside], depth[inside] = (image[row[inside], column[inside]] for image in (capture.amplitude, capture.depth))
+    return Squares(at, float(abs(t[2])), amplitude, depth)
+
+
+def check_size(squares: Sequence[Squares], board: Board) -> None:
+    """Refuse a board whose size contradicts the measured depth: poses by corners scale with the size of the squares.
+
+    Depth that is off by the same metres everywhere is the camera's error, and no other size.
+
+    Raises:
+        RefusedError: depth is more than `OTHER_SIZE` off in proportion to distance.
+    """
+    depth, ideal = np.concatenate([[s.depth, s.at[:, 2]] for s in squares], axis=1)
+    depth, ideal = depth[np.isfinite(depth)], ideal[np.isfinite(depth)]
+    scale, stated_mm = float(np.median(depth / ideal)) if len(depth) else 1.0, 1e3 * board.size_m
+    if abs(scale - 1.0) <= OTHER_SIZE or robust_std(depth - scale * ideal) >= robust_std(depth - ideal):
+        return
+    raise RefusedError(
+        f"depth on the board is {scale:.3g} times what its corners say: by the camera's depth the squares are {scale * stated_mm:.1f} mm wide, and {stated_mm:g} mm are stated",
+        where="--board",
+        todo="measure a square on the paper; if its size is right, check the unit of depth (--depth-scale) and the focal length in camera_info",
+    )
+
+
+def _albedos(squares: Sequence[Squares], board: Board) -> tuple[float, float, bool]:
+    """Albedo of black and white squares, and whether odd squares are black, from the amplitude at the squares' centres."""
+    _, odd = board.squares
+    levels = [s.amplitude * (s.at**2).sum(axis=1) ** 1.5 / s.off_plane_m for s in squares]
     level = np.nanmedian(np.stack(levels), axis=0)
     even, other = (float(np.nanmedian(level[odd == k])) if (odd == k).any() else np.nan for k in (0, 1))
     if not np.isfinite(other):

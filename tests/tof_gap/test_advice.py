@@ -70,7 +70,7 @@ def diagnosis(*ties: tuple[int, int]) -> Any:
     robot = np.array([v.rendering.T_cell_camera for v in seen()])
     chain = Chain(np.zeros(VIEWS, int), (0,), one[None].copy(), robot, one[None].copy(), many, one, CONFIG.priors)
     tied = tuple((CANDIDATES[a].effect, CANDIDATES[b].effect) for a, b in ties)
-    return SimpleNamespace(solved=SimpleNamespace(evidence=seen(), chain=chain, tied=tied), config=GapConfig())
+    return SimpleNamespace(evidence=seen(), solved=SimpleNamespace(evidence=seen(), chain=chain, tied=tied), config=GapConfig())
 
 
 @pytest.mark.parametrize(

@@ -184,6 +184,15 @@ def test_boards_that_depth_misses_everywhere_are_labelled_all_the_same(tmp_path:
     assert result.verdicts == {"robot": 3}
 
 
+@pytest.mark.parametrize(("stated_m", "ratio", "measured_mm"), [(0.035, "0.857", "30.0"), (0.025, "1.2", "30.0")])
+def test_squares_of_another_size_than_stated_are_refused_with_their_size_by_depth(stated_m: float, ratio: str, measured_mm: str) -> None:
+    seen = captures(3, walk_m=0.0)
+    with pytest.raises(
+        RefusedError, match=rf"depth on the board is {ratio}.* squares are {measured_mm} mm wide, and {1e3 * stated_m:g} mm are"
+    ):
+        BoardSource(seen, replace(BOARD, size_m=stated_m))
+
+
 def test_boards_are_labelled_one_bag_at_a_time(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["label", str(folder), str(folder), "--board", "5x7x0.030", "--out", str(tmp_path / "out")]) == 2
     assert "a batch is of one scene" in capsys.readouterr().err

@@ -192,6 +192,13 @@ class ReportLimits:
     block_px: int = param(
         16, "side of a block of pixels with a common error", unit="px", low=2, high=256, why="neighbours share errors, blocks less so"
     )
+    over_exposed: float = param(
+        0.05,
+        "over-exposed pixels, of those that see the CAD, from which other captures are advised",
+        low=0.0,
+        high=1.0,
+        why="glints of shiny parts over-expose a few per cent in usual recordings",
+    )
     shrink: ShrinkLimits = section(ShrinkLimits, "how far")
     confidence: ConfidenceLimits = section(ConfidenceLimits, "how often names are right")
     unexplained: UnexplainedLimits = section(UnexplainedLimits, "what is unexplained")

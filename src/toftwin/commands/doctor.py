@@ -29,7 +29,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from toftwin.options import add_bag_arguments, add_scene, positive
 
     parser.add_argument(
-        "bag", nargs="?", metavar="BAG", help="folder of the bag, or its .mcap or .db3 file; without it only this host is checked"
+        "bag",
+        nargs="?",
+        metavar="BAG",
+        help="folder of the bag, or its .mcap or .db3 file, or a folder of PNG pairs; without it only this host is checked",
     )
     parser.add_argument("--live", action="store_true", help="check the topics that are published now in this ROS_DOMAIN_ID, with their QoS")
     parser.add_argument(
@@ -65,6 +68,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _examine(args: argparse.Namespace) -> Iterator[Finding]:
+    from pathlib import Path
+
+    from tof_core.image_folder import is_image_folder
     from toftwin.doctor.host import examine_host
 
     yield from examine_host()
@@ -75,6 +81,10 @@ def _examine(args: argparse.Namespace) -> Iterator[Finding]:
         from toftwin.doctor.live import examine_live
 
         yield from examine_live(options, scene, args.initial_pose, args.seconds)
+    elif args.bag and is_image_folder(Path(args.bag)):
+        from toftwin.doctor.png_pairs import examine_png_pairs
+
+        yield from examine_png_pairs(Path(args.bag), options)
     elif args.bag:
         from toftwin.doctor.bag import examine_bag
 

@@ -127,6 +127,7 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(content | ({} if learned is None else {"retrain": asdict(learned)}), indent=1))
     else:
         lines = [
+            *(f"capture: {line}" for line in content["advice"]),
             *([] if again is None else [again.line()]),
             *([] if compared is None else compared.lines()),
             *([] if learned is None else [worth(learned)]),
