@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 EXTRA = 4
 """Largest number of views that advice may ask for."""
+BOARD_VIEWS = 10
+"""Views before a board with which errors over range, which show between views alone, can be told from the spread of the views."""
 
 
 def advise(d: Diagnosis, caster: Raycaster) -> list[str]:
@@ -40,7 +42,16 @@ def advise(d: Diagnosis, caster: Raycaster) -> list[str]:
     of the session; the share that would be left follows from Gram matrices.
     """
     light = over_exposed(d.evidence, caster.scene.names, d.config.missing, d.config.report.over_exposed)
-    return [*([light] if light else []), *sorted({_for_tie(d, caster, one, other) for one, other in d.solved.tied})]
+    ties = sorted({_for_tie(d, caster, one, other) for one, other in d.solved.tied})
+    return [line for line in (light, _before_a_board(d), *ties) if line]
+
+
+def _before_a_board(d: Diagnosis) -> str:
+    """More poses of a board, where an error without a name is common to few views; empty elsewhere."""
+    views = len(d.evidence)
+    if d.chain.root is None or views >= BOARD_VIEWS or "unknown" not in d.verdict:
+        return ""
+    return f"the board in {BOARD_VIEWS} poses and more, at several distances and tilts: {views} views cannot prove an error that is common to all"
 
 
 def _for_tie(d: Diagnosis, caster: Raycaster, effect: Effect | None, other: Effect | None) -> str:

@@ -70,7 +70,13 @@ def diagnosis(*ties: tuple[int, int]) -> Any:
     robot = np.array([v.rendering.T_cell_camera for v in seen()])
     chain = Chain(np.zeros(VIEWS, int), (0,), one[None].copy(), robot, one[None].copy(), many, one, CONFIG.priors)
     tied = tuple((CANDIDATES[a].effect, CANDIDATES[b].effect) for a, b in ties)
-    return SimpleNamespace(evidence=seen(), solved=SimpleNamespace(evidence=seen(), chain=chain, tied=tied), config=GapConfig())
+    return SimpleNamespace(
+        evidence=seen(),
+        chain=chain,
+        verdict=("unknown",),
+        solved=SimpleNamespace(evidence=seen(), chain=chain, tied=tied),
+        config=GapConfig(),
+    )
 
 
 @pytest.mark.parametrize(
@@ -98,6 +104,13 @@ def test_a_tie_that_no_capture_separates_asks_for_a_reference() -> None:
 
 def test_no_tie_needs_no_advice() -> None:
     assert advise(diagnosis(), panel()) == []
+
+
+@pytest.mark.parametrize(("verdict", "root", "lines"), [("unknown", np.eye(6), 1), ("none", np.eye(6), 0), ("unknown", None, 0)])
+def test_few_views_of_a_board_ask_for_more_where_an_error_has_no_name(verdict: str, root: Any, lines: int) -> None:
+    found = diagnosis()
+    found.verdict, found.chain = (verdict,), SimpleNamespace(root=root)
+    assert [line.startswith("the board in 10 poses and more") for line in advise(found, panel())] == [True] * lines
 
 
 def test_every_tie_has_its_line() -> None:
