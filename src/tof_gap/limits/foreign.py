@@ -95,6 +95,13 @@ class ForeignLightLimits:
         high=1.0,
         why="an arm's errors do so in one session of ten thousand; a hazy lens without a name did at 9e-6",
     )
+    follows_mm: float = param(
+        0.7,
+        "RMS of what follows distance and amplitude",
+        unit="mm",
+        low=0.0,
+        why="healthy cameras err by up to 0.46 mm alike over a view, where poses take it up; a hazy lens without a name by 1.2",
+    )
     sag: float = param(
         0.5,
         "RMS of the turns by the camera's weight, over the arm's prior per axis, from which its mount gives way",

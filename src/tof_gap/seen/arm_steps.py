@@ -20,24 +20,25 @@ if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
 
 
-class Sag(NamedTuple):
-    """Probability that turns of the camera follow its weight by chance (F test), and RMS of what follows, in the robot's standard deviations."""
+class Followed(NamedTuple):
+    """Probability that arm errors follow something as closely by chance (F test), and RMS of what follows, in the unit of the errors."""
 
     chance: float
     size: float
 
 
-def chance_of_following(steps: Float, of_view: Float, station: Ints) -> float:
-    """Probability that steps follow quantities of the views as closely as they do by chance (F test).
+def following(steps: Float, of_view: Float, station: Ints) -> Followed:
+    """How well steps follow quantities of the views.
 
     Args:
-        steps: (V,) arm errors along or about one axis, over their standard deviations by the robot's prior.
+        steps: (V,) arm errors along or about one axis.
         of_view: (V, k) quantities of each view; a view with a NaN does not count.
         station: (V,) of each view; the mean of a station is an error of the base, and no evidence.
     """
     seen = np.isfinite(of_view).all(axis=1)
     bases = (station[seen, None] == np.unique(station[seen])).astype(float)
-    return _followed(steps[seen], bases, of_view[seen])[0]
+    chance, squares = _followed(steps[seen], bases, of_view[seen])
+    return Followed(chance, float(np.sqrt(squares / max(seen.sum(), 1))))
 
 
 def contents(views: Sequence[ViewEvidence]) -> Float:
@@ -50,7 +51,7 @@ def contents(views: Sequence[ViewEvidence]) -> Float:
     return out
 
 
-def sagging(turns: Float, cameras: Float, station: Ints) -> Sag:
+def sagging(turns: Float, cameras: Float, station: Ints) -> Followed:
     """How well turns of the camera are those by its weight: turn = lever x down (docs/gap.md), with a `lever` fixed in the camera.
 
     The torque of gravity about the mount is the lever of the camera's centre of mass times its weight; a mount of one stiffness turns by
@@ -66,7 +67,7 @@ def sagging(turns: Float, cameras: Float, station: Ints) -> Sag:
     law = np.stack([np.cross(axis, down) for axis in np.eye(3)], axis=-1).reshape(-1, 3)
     bases = np.kron((station[:, None] == np.unique(station)).astype(float), np.eye(3))
     chance, squares = _followed(turns.ravel(), bases, law)
-    return Sag(chance, float(np.sqrt(squares / turns.size)))
+    return Followed(chance, float(np.sqrt(squares / turns.size)))
 
 
 def over_prior(arms: Float, arms_sd: Float) -> float:

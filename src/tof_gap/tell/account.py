@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_core.memory import give_back
 from tof_gap.seen import detected, missing, noise
-from tof_gap.seen.arm_steps import chance_of_following, contents, over_prior, sagging
+from tof_gap.seen.arm_steps import contents, following, over_prior, sagging
 from tof_gap.seen.between_captures import as_captures_step
 from tof_gap.seen.finding import not_expected
 from tof_gap.seen.foreign_lamp import foreign_lamp
@@ -250,9 +250,12 @@ def _arms_silent(solved: Solved, left_out: AbstractSet[str]) -> bool:
 def _arm_signs(solved: Solved, limits: ForeignLightLimits) -> tuple[bool, bool]:
     """Whether arm errors along the optical axis follow distance and amplitude of the views, and turns by arm errors the camera's weight."""
     station = solved.chain.station
-    of_steps = chance_of_following(steps_along(solved), contents(solved.evidence), station)
+    steps = following(1e3 * solved.arms[:, ALONG], contents(solved.evidence), station)
     sag = sagging((solved.arms / solved.arms_sd)[:, 3:], solved.cameras, station)
-    return of_steps < limits.chance_follows, sag.size > limits.sag and sag.chance < limits.chance_follows
+    return (
+        steps.size > limits.follows_mm and steps.chance < limits.chance_follows,
+        sag.size > limits.sag and sag.chance < limits.chance_follows,
+    )
 
 
 def steps_along(solved: Solved) -> Float:

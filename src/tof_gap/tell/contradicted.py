@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tof_core.stats import touched
-from tof_gap.seen.arm_steps import chance_of_following, means
+from tof_gap.seen.arm_steps import following, means
 from tof_gap.tell.account import steps_along, unfounded
 from tof_gap.tell.block_means import block_means, unbiased2
 from tof_gap.tell.by_view import uneven
@@ -69,7 +69,7 @@ def absorbed(found: Account, limits: ForeignLightLimits) -> str | None:
         return None
     solved = found.solved
     chance = {
-        name: chance_of_following(steps_along(solved), means(solved.evidence, maps), solved.chain.station)
+        name: following(steps_along(solved), means(solved.evidence, maps), solved.chain.station).chance
         for name, maps in solved.maps.items()
         if not EFFECTS[name].SMEARS
     }

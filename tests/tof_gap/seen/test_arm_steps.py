@@ -11,7 +11,7 @@ import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_core.se3 import exp
-from tof_gap.seen.arm_steps import chance_of_following, contents, means, over_prior, sagging
+from tof_gap.seen.arm_steps import contents, following, means, over_prior, sagging
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float
@@ -24,24 +24,26 @@ OF_VIEW = contents(SEEN)
 
 def test_steps_that_grow_with_the_distance_of_the_views_are_not_by_chance() -> None:
     follow = np.linspace(-1.0, 1.0, VIEWS) + 0.1 * np.random.default_rng(2).standard_normal(VIEWS)
-    assert chance_of_following(follow, OF_VIEW, ONE_STATION) < 1e-5
+    found = following(follow, OF_VIEW, ONE_STATION)
+    assert found.chance < 1e-5
+    assert found.size == pytest.approx(np.linspace(-1.0, 1.0, VIEWS).std(), rel=0.1)
 
 
 def test_steps_of_an_arm_follow_no_view() -> None:
-    chances = [chance_of_following(np.random.default_rng(k).standard_normal(VIEWS), OF_VIEW, ONE_STATION) for k in range(200)]
+    chances = [following(np.random.default_rng(k).standard_normal(VIEWS), OF_VIEW, ONE_STATION).chance for k in range(200)]
     assert np.mean(np.array(chances) < 0.1) == pytest.approx(0.1, abs=0.06), "a probability, of steps that are independent of the views"
 
 
 def test_the_mean_of_a_station_is_an_error_of_its_base() -> None:
     two = np.repeat([0, 1], VIEWS // 2)
     steps = 5.0 * two + 0.1 * np.random.default_rng(4).standard_normal(VIEWS)
-    assert chance_of_following(steps, OF_VIEW, ONE_STATION) < 0.01, "the second half of the views is farther"
-    assert chance_of_following(steps, OF_VIEW, two) > 0.05
+    assert following(steps, OF_VIEW, ONE_STATION).chance < 0.01, "the second half of the views is farther"
+    assert following(steps, OF_VIEW, two).chance > 0.05
 
 
 def test_too_few_views_and_an_arm_without_errors_show_nothing() -> None:
-    assert chance_of_following(np.arange(3.0), OF_VIEW[:3], ONE_STATION[:3]) == 1.0
-    assert chance_of_following(np.zeros(VIEWS), OF_VIEW, ONE_STATION) == 1.0
+    assert following(np.arange(3.0), OF_VIEW[:3], ONE_STATION[:3]).chance == 1.0
+    assert following(np.zeros(VIEWS), OF_VIEW, ONE_STATION).chance == 1.0
 
 
 def test_contents_are_distance_and_brightness_and_a_view_without_pixels_does_not_count() -> None:
@@ -51,7 +53,7 @@ def test_contents_are_distance_and_brightness_and_a_view_without_pixels_does_not
     assert np.isnan(contents([blind])).all()
     follow = np.linspace(-1.0, 1.0, VIEWS) + 0.1 * np.random.default_rng(2).standard_normal(VIEWS)
     follow[0] = 50.0
-    assert chance_of_following(follow, contents([blind, *SEEN[1:]]), ONE_STATION) < 1e-4
+    assert following(follow, contents([blind, *SEEN[1:]]), ONE_STATION).chance < 1e-4
 
 
 def test_the_mean_of_a_map_is_that_of_the_smooth_pixels() -> None:
