@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Image, Ints
     from tof_gap.seen.pattern import LineMeans
     from tof_gap.seen.residual import ViewEvidence
-    from tof_gap.solve.free import FreeFunction
+    from tof_gap.solve.candidate import Nameless
     from tof_sensor.effect import Effect
 
 FREE_SD_M = 0.05
@@ -79,8 +79,8 @@ class ColumnStore:
         self._thinned = [v.frame.take(v.pixels) for v in views]
         self._lines: list[LineMeans] = []
         self._areas: list[Float] = []
-        self._kept: dict[Effect | FreeFunction | None, list[Image]] = {}
-        self._squares: dict[Effect | FreeFunction | None, Float] = {}
+        self._kept: dict[Effect | Nameless | None, list[Image]] = {}
+        self._squares: dict[Effect | Nameless | None, Float] = {}
 
     def of(self, tested: Sequence[Candidate]) -> list[list[Image]]:
         """(n, k) per candidate and view; none for hand-eye, whose columns are those of the pose.

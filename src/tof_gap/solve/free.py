@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -42,6 +42,7 @@ class FreeFunction:
     quantity: str
     knots: tuple[float, ...]
     means: tuple[float, ...]
+    FORMULA: ClassVar[bool] = False
 
     def columns(self, view: ViewEvidence) -> Float:
         """(n, knots) at a view's drawn pixels: metres of z per metre along the ray at each knot."""

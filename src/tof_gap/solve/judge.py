@@ -183,12 +183,14 @@ class Selector:
     @cached_property
     def _of_forms(self) -> list[float]:
         """For each candidate, what it pays for the number of its forms; nothing for a free function."""
-        return [0.0 if c.free is not None else 2.0 * float(np.log(self._forms[c.name])) for c in self.design.candidates]
+        return [
+            0.0 if c.free is not None and not c.free.FORMULA else 2.0 * float(np.log(self._forms[c.name])) for c in self.design.candidates
+        ]
 
     @cached_property
     def _without_formula(self) -> list[bool]:
         """For each candidate, whether it is a free function, or such a form of an effect."""
-        return [c.free is not None or (c.effect is not None and c.effect.free_form) for c in self.design.candidates]
+        return [not c.free.FORMULA if c.free is not None else c.effect is not None and c.effect.free_form for c in self.design.candidates]
 
     def forms(self, member: int) -> int:
         """How many forms of the candidate's effect the session tries."""
@@ -201,7 +203,7 @@ class Selector:
         return None if system.chain.root is None else system.with_free_distances()
 
     def is_free(self, member: int) -> bool:
-        """Whether a candidate is a free function of an observable and no effect."""
+        """Whether a candidate is an error without a name and no effect."""
         return self.design.candidates[member].free is not None
 
     def repeats(self, member: int, members: Iterable[int]) -> bool:
