@@ -15,12 +15,14 @@ from tof_sensor.frame import LIGHT_M_PER_S
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Mask
     from tof_gap.limits.missing import MissingLimits
     from tof_gap.seen.residual import ViewEvidence
 
 MOST_TURNS = 3
 """Largest error in whole periods: usual cameras merge frequencies over at most as many."""
+NEARLY = 0.95
+"""Share of the jumps that the best size makes, from which a smaller one is taken: chance meets and outliers are a few per cent."""
 LEAST_WRAP_M = LIGHT_M_PER_S / (2e6 * most(PhaseWrap, "modulation_mhz"))
 """Metres: unambiguous range at the highest modulation frequency that the effect allows; no shorter jump is a wrapped phase."""
 
@@ -29,9 +31,8 @@ def phase_wrap(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding 
     """`phase_wrap` where enough pixels jump by one common size."""
     # Edges that blur or move make jumps too: wrapped phase is looked for away from them.
     inner = [~binary_dilation(v.edge, iterations=limits.edge_reach_px) for v in views]
-    jump = np.concatenate([(v.residual * v.frame.length)[v.gross & i] for v, i in zip(views, inner, strict=True)])
+    jump = np.concatenate([_jumps(v, i, limits) for v, i in zip(views, inner, strict=True)])
     total = sum(int((np.isfinite(v.residual) & i).sum()) for v, i in zip(views, inner, strict=True))
-    jump = jump[np.abs(jump) > limits.turn_least_mm * 1e-3]
     if len(jump) < limits.turn_share * max(total, 1):
         return None
     size = _common_size(np.abs(jump), limits.turn_spread_mm * 1e-3)
@@ -43,7 +44,7 @@ def phase_wrap(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding 
     short = bool(np.median(jump[near]) < 0)
     others, others_share = _other_jumps(np.abs(jump), size, limits, limits.turn_share * total)
     captures, spread = max(v.view.captures for v in views), limits.turn_spread_mm * 1e-3
-    turn = _turn(size, others, captures, spread)
+    turn = _turn(size, [(v.view.captures, np.abs(_jumps(v, i, limits))) for v, i in zip(views, inner, strict=True)], spread)
     jumps = np.sort(np.concatenate([_whole(turn), [size] if turn > size else [], others]))
     maps = [_wraps(v, jumps, limits) for v in views]
     start, share = _where_wrapped(views, maps, limits, short=short)
@@ -56,6 +57,12 @@ def phase_wrap(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding 
         others_share=tuple(others_share[i] for i in own),
     )
     return Finding(effect, CONFIDENT, share=np.stack(maps), corrects=True)
+
+
+def _jumps(view: ViewEvidence, inner: Mask, limits: MissingLimits) -> Float:
+    """(n,) metres along the ray: large errors of the pixels `inner` (H, W)."""
+    jump = (view.residual * view.frame.length)[view.gross & inner]
+    return np.asarray(jump[np.abs(jump) > limits.turn_least_mm * 1e-3])
 
 
 def _common_size(sizes: Float, spread: float) -> float:
@@ -84,21 +91,31 @@ def _other_jumps(sizes: Float, size: float, limits: MissingLimits, least: float)
     return tuple(jump for jump, _ in found), tuple(share for _, share in found)
 
 
-def _turn(size: float, others: Sequence[float], captures: int, spread: float) -> float:
-    """The jump of a capture, of which means of dwells show parts: the least multiple of `size` that makes all jumps where one capture jumps.
+def _turn(size: float, jumps: Sequence[tuple[int, Float]], spread: float) -> float:
+    """The jump of a capture, in metres, of which means of dwells show parts: the least multiple of `size` that makes nearly as many jumps as any.
 
-    Few captures jump, so that a mean of n captures is mostly off by one nth. All in metres.
+    It makes jumps of whole multiples of itself, and of its parts where some of a dwell's captures jump and others may be lost.
+
+    jumps: captures of each view and the sizes of its jumps (n,), metres. spread: metres by which jumps of one size differ.
     """
-    for turn in size * np.arange(1, captures + 1):
-        if all((np.abs(other - turn / np.arange(1, captures + 1)) < spread).any() for other in others):
-            return float(turn)
-    return size
+
+    def made(turn: float) -> int:
+        parts = ([*_whole(turn), *(turn * _parts(n))] for n, _ in jumps)
+        return sum(int((np.abs(j[:, None] - np.array(p)) < spread).any(axis=1).sum()) for p, (_, j) in zip(parts, jumps, strict=True))
+
+    turns = size * np.arange(1, max(n for n, _ in jumps) + 1)
+    count = [made(float(t)) for t in turns]
+    return float(next(t for t, c in zip(turns, count, strict=True) if c >= NEARLY * max(count)))
 
 
 def _of_a_mean(jump: float, size: float, captures: int, spread: float) -> bool:
     """Whether some of the captures of a mean jump by `size` and the others do not: no capture jumps by `jump`."""
-    parts = np.unique([k / n for n in range(2, captures + 1) for k in range(1, n)])
-    return bool((np.abs(jump - size * parts) < spread).any())
+    return bool((np.abs(jump - size * _parts(captures)) < spread).any())
+
+
+def _parts(captures: int) -> Float:
+    """Shares of up to `captures` captures that some of them are."""
+    return np.unique([k / n for n in range(2, captures + 1) for k in range(1, n)])
 
 
 def _wraps(view: ViewEvidence, jumps: Float, limits: MissingLimits) -> Float:

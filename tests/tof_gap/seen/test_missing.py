@@ -212,6 +212,15 @@ def test_jumps_of_which_means_show_a_third_or_half_are_whole_jumps_of_one_captur
         assert np.nanmedian((found.share * lengths)[jump == size]) == pytest.approx(size, abs=5e-3)
 
 
+def test_jumps_of_single_captures_are_no_parts_of_larger_ones() -> None:
+    """Views of three captures show a jump and its threefold as views of one do, so that the smaller one is whole."""
+    jump = np.array([0.0, 1.25, 3.75])[np.random.default_rng(7).choice(3, p=[0.9, 0.09, 0.01], size=(VIEWS, *SHAPE))]
+    seen = views(np.random.default_rng(5), jump, captures=[1, 3] * (VIEWS // 2))
+    (found,) = missing_effects(seen, MissingLimits())
+    assert isinstance(found.effect, PhaseWrap)
+    assert found.effect.turn_m == pytest.approx(1.25, abs=5e-3)
+
+
 @pytest.mark.parametrize(("captures", "stated"), [(1, (0.39,)), (3, ())])
 def test_half_of_a_jump_is_that_of_a_mean_of_captures(captures: int, stated: tuple[float, ...]) -> None:
     """Of two captures one jumps by 0.78 m: the mean is off by 0.39 m, which no capture is. It is subtracted all the same."""
