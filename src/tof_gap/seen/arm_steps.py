@@ -96,7 +96,7 @@ def _followed(steps: Float, bases: Float, columns: Float) -> tuple[float, float]
     terms = free_alone - free
     if terms < 1 or free < 1 or not both > 0.0:
         return 1.0, 0.0
-    return float(fdtrc(terms, free, (alone - both) / terms / (both / free))), alone - both
+    return float(fdtrc(terms, free, (alone - both) / terms / (both / free))), max(alone - both, 0.0)
 
 
 def _left(columns: Float, steps: Float) -> tuple[float, int]:

@@ -11,7 +11,6 @@ import numpy as np
 from tof_gap.tell.shrink import blocks, measure
 from tof_gap.tell.words import interval, percent
 from tof_sensor.effect import Evidence
-from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.registry import EFFECTS
 
 if TYPE_CHECKING:
@@ -66,14 +65,17 @@ def kept(d: Diagnosis, known: SensorModel | None) -> Kept | None:
     """The gap of a session without and with the model `known`, which was fitted to another session.
 
     It is measured as the promise was: on held-out views, above the noise that their pixels show. `d` is the diagnosis of the views
-    corrected by the model, and gives the poses. None without a model, or if the model is a photon law alone, which has no bias.
+    corrected by the model, and gives the poses. None without a model, or if it promises nothing and has no bias here, as a data sheet's
+    noise and threshold have none.
     """
-    if known is None or known.names == (PhotonLaw.NAME,):
+    if known is None:
         return None
     figures, report = d.account.figures, d.config.report
     known = known.holding_in(d.solved.caster.scene.digest)
     after = [d.residual[v] for v in figures.held]
     bias = [known.bias(d.evidence[v].frame) for v in figures.held]
+    if known.promise is None and not any(np.nan_to_num(b).any() for b in bias):
+        return None
     before = [r + added for r, added in zip(after, bias, strict=True)]
     here = measure(blocks(before, after, figures.floors_shown, report.block_px), figures.rng, report.shrink)
     removed = tuple(name for name in known.names if EFFECTS[name].EVIDENCE is Evidence.BIAS)

@@ -9,6 +9,7 @@ from tof_gap.seen.finding import not_expected
 from tof_gap.tell.absent import absent_words
 from tof_gap.tell.report import arm_errors, arm_prior
 from tof_gap.tell.words import (
+    SHOWN_RMS_MM,
     calibration_words,
     doubt_words,
     expected_words,
@@ -73,7 +74,7 @@ def _gap_lines(d: Diagnosis) -> list[str]:
             lines.append(f"the squared gap shrinks by {percent(g.shrink)}; the true effects would shrink it by {interval(g.ci95)}")
     elif d.doubted and d.causes:
         lines.append(doubt_words(d.unexplained.share, d.config.report.unexplained.doubt))
-    elif d.verdict != ("none",):
+    elif d.verdict != ("none",) and g.above_mm(g.before) >= SHOWN_RMS_MM:
         lines.append("no effect is certain enough to be simulated: the gap remains")
     return lines
 
@@ -84,8 +85,7 @@ def _cause_lines(d: Diagnosis) -> list[str]:
     lines = [_cause_line(c, d) for c in d.causes]
     lines += [f"  {f.name}: confidence {f.confidence:.2f}" + (f", {f.note}" if f.note and not f.size else "") for f in found]
     lines += expected_words(d.findings)
-    if d.solved.small:
-        small = small_words(d.solved.small, {name: 1e3 * size for name, size in d.solved.small_m.items()})
+    if small := small_words(d.solved.small, {name: 1e3 * size for name, size in d.solved.small_m.items()}):
         lines.append(f"found, but within what a healthy camera or the stated calibration allows: {small}")
     return lines
 

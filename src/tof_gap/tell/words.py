@@ -38,12 +38,16 @@ GOES_WITH = {
 HELD = 1e-9
 """Metres and radians from the stated hand-eye up to which it was not estimated: rounding errors."""
 FIRST_LOOK = {
-    "stray_light": "Check the camera's window and the air before it: light that spreads in dirt, dust or fog errs with stray light over the returned light.",
+    "stray_light": "Check the camera's window and the air before it: light that a cover glass reflects, or that spreads in dirt, dust or fog, errs with stray light over the returned light.",
     "viewed": "Check the camera's exposure, supply and driver: it errs by another amount in each view, as distance and brightness change.",
     "column": "Check the camera's read-out, and reflections in its window: the error keeps to columns of the image.",
     "row": "Check the camera's read-out, and reflections in its window: the error keeps to rows of the image.",
 }
 """What to check first where an error of the camera itself shows in what the error varies with."""
+SHOWN_MM = 0.05
+"""Size in millimetres below which 0.0 would be stated."""
+SHOWN_RMS_MM = 0.005
+"""RMS error in millimetres below which 0.00 would be stated."""
 MOST_STATED = 3
 """Instances of one effect whose sizes are stated."""
 
@@ -184,8 +188,11 @@ def quantities(observables: Sequence[str]) -> list[str]:
 
 def unexplained_words(u: Unexplained, *, suspected: bool = False) -> str:
     """The error left away from edges: its size, what it varies with, where it is; suspected: beside effects that are not asserted."""
-    size = f"{u.rmse_mm:.2f} mm RMS (means of blocks of pixels away from edges, all views)"
-    return f"With the {'suspected' if suspected else 'named'} effects simulated, neighbouring pixels still share an error of {size}.{_clues(asdict(u))}"
+    simulated = f"With the {'suspected' if suspected else 'named'} effects simulated,"
+    of_blocks = "(means of blocks of pixels away from edges, all views)"
+    if u.rmse_mm < SHOWN_RMS_MM:
+        return f"{simulated} neighbouring pixels share no error above the noise {of_blocks}; other signs show one.{_clues(asdict(u))}"
+    return f"{simulated} neighbouring pixels still share an error of {u.rmse_mm:.2f} mm RMS {of_blocks}.{_clues(asdict(u))}"
 
 
 def spaced(name: str) -> str:
@@ -224,8 +231,9 @@ def hand_eye_words(hand_eye: Float) -> str:
 
 
 def small_words(names: Sequence[str], sizes_mm: Mapping[str, float]) -> str:
-    """Effects and observables that a healthy camera or the stated calibration may have, with their sizes where they are known."""
-    return ", ".join(name + (f" ({sizes_mm[name]:.1f} mm)" if name in sizes_mm else "") for name in names)
+    """Effects and observables that a healthy camera or the stated calibration may have, with known sizes; none that rounds to 0.0 mm."""
+    shown = [name for name in names if sizes_mm.get(name, 1.0) >= SHOWN_MM]
+    return ", ".join(name + (f" ({sizes_mm[name]:.1f} mm)" if name in sizes_mm else "") for name in shown)
 
 
 def doubt_words(unexplained: float, doubt: float) -> str:

@@ -12,8 +12,6 @@ import pytest
 from tests.tof_gap.quiet_views import SHAPE, VIEWS
 from tof_gap.config import GapConfig
 from tof_gap.tell.kept import kept
-from tof_sensor.effects.photon_law import PhotonLaw
-from tof_sensor.model import SensorModel
 
 HELD = (1, 3, 4)
 NOISE_M = 0.002
@@ -76,4 +74,7 @@ def test_what_was_removed_is_stated_with_its_size() -> None:
 
 def test_a_model_without_a_bias_promises_nothing() -> None:
     assert kept(diagnosed(0.0, NOISE_M), None) is None
-    assert kept(diagnosed(0.0, NOISE_M), SensorModel((PhotonLaw(),))) is None
+    data_sheet = model(0.0)
+    data_sheet.promise = None
+    assert kept(diagnosed(0.0, NOISE_M), data_sheet) is None
+    assert kept(diagnosed(0.0, NOISE_M), model(0.0)) is not None, "a promise is answered"

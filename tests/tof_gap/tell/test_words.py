@@ -164,6 +164,12 @@ def test_what_is_left_beside_suspected_effects_is_stated_as_such() -> None:
     assert unexplained_words(left, suspected=True) == f"With the suspected effects simulated, {LEFT}. It shows most on door."
 
 
+def test_an_error_that_block_means_do_not_show_is_not_stated_as_zero() -> None:
+    words = unexplained_words(Unexplained(0.004, structured=True, depends_on=("viewed",), where=()))
+    assert words.startswith("With the named effects simulated, neighbouring pixels share no error above the noise")
+    assert words.endswith("other signs show one. It varies with distance and brightness of the view.")
+
+
 def test_what_is_left_is_looked_for_on_its_parts() -> None:
     assert where_to_look(("door", "sill")) == (
         "Look at door and sill, where most of the error lies: check whether they are as drawn and in place, and whether they are glossy, wet or "
@@ -275,7 +281,7 @@ def test_hand_eye_that_is_not_estimated_is_said_to_be_held() -> None:
 
 
 def test_small_effects_have_their_sizes_where_these_are_known() -> None:
-    assert small_words(("hand_eye", "multipath"), {"multipath": 0.43}) == "hand_eye, multipath (0.4 mm)"
+    assert small_words(("hand_eye", "multipath", "motion"), {"multipath": 0.43, "motion": 0.04}) == "hand_eye, multipath (0.4 mm)"
 
 
 def test_a_doubt_says_how_much_is_unexplained_and_how_much_may_be() -> None:
