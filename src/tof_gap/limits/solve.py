@@ -222,11 +222,11 @@ class SelectLimits:
         why="a healthy camera has errors of up to a millimetre: table, temperature, albedo",
     )
     motion_mm: float = param(
-        0.5,
-        "the same of motion, times the share of its map that the pixels which it moves show, edges among them; unless the stamps are late",
+        0.4,
+        "the same of motion, times the share of its map that the pixels which it moves show, edges among them",
         unit="mm",
         low=0.0,
-        why="read-outs that are slow, four sessions: 0.65 to 2.2; a filter that smooths edges, and late stamps alone: 0.2",
+        why="read-outs that are slow, seven sessions: 0.51 to 2.2; a filter that smooths edges, and late stamps alone, ten sessions: 0.27 at most",
     )
     motion_moved_mm: float = param(
         0.3, "error of a pixel from which motion moves it", unit="mm", low=0.0, why="less is below the noise of any pixel"

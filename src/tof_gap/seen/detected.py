@@ -59,8 +59,10 @@ def judged(views: Sequence[ViewEvidence], limits: NoiseLimits, law: PhotonLaw | 
     """The session with its noise by amplitude, and whether exposures change, which matters beside a stated law alone."""
     bins = as_captures_differ(binned(views, limits.bins, limits), 0.0 if law is None else law.between)
     whole = wholly_averaged(bins, views[0].correlation)
-    many = law is not None and len(bins.view) >= limits.least_bins
-    changes = many and exposed(bins, fit_law(bins, code_step(views), limits), limits, brightness(views))
+    # Where an average takes in fewer neighbours, views of other contents differ in noise as those of other exposures do.
+    compared = whole if len(whole.view) >= limits.least_bins else bins
+    many = law is not None and len(compared.view) >= limits.least_bins
+    changes = many and exposed(compared, fit_law(compared, code_step(views), limits), limits, brightness(views))
     return replace(session_of(views, limits, law=law), noise=whole, exposed=changes)
 
 
