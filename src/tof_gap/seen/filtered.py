@@ -63,7 +63,15 @@ def failed_unwrapping(views: Sequence[ViewEvidence], removed: Removed, limits: M
     note = f"the camera's filter removed {of_all} of the pixels, around outliers in weak light; their jump is not seen"
     size = f"by a step that is not seen, since the camera removed these pixels: {of_all} of all, {removed.how}"
     # An effect outside the vocabulary may make outliers, too.
-    return Finding(PhaseWrap(start_m=start, share=share), LOSS_CONFIDENT, note=note, size=size, structure=True, holes=tuple(gone))
+    return Finding(
+        PhaseWrap(start_m=start, share=share),
+        LOSS_CONFIDENT,
+        note=note,
+        size=size,
+        structure=True,
+        holes=tuple(gone),
+        lost=float(lost.mean()),
+    )
 
 
 def filtered(views: Sequence[ViewEvidence], limits: MissingLimits) -> Removed:

@@ -33,7 +33,7 @@ class Finding:
     (H, W) pixels with a noise of their own, which are in no figure; size, remedy: in words, where the evidence says more than the
     effect's parameters; parts: indices of those that carry most of it; rare: whether loss is neither at random nor below a threshold,
     as a filter around outliers makes it; holes: (H, W) per view, lost pixels that a filter removed around outliers which nobody sees, or
-    none; structure: whether the evidence is structure of residuals, arm errors or holes, which an effect
+    none; lost: share of the captures of all pixels on the CAD that these holes are; structure: whether the evidence is structure of residuals, arm errors or holes, which an effect
     outside the vocabulary may make too; everywhere: whether it is noise of every pixel at every amplitude; expected: whether the camera is known to have the effect, or has
     it by design: it is then no effect of the session, but it explains what is seen; by_design: why the effect is a camera's design, if
     nobody states it.
@@ -55,6 +55,7 @@ class Finding:
     parts: tuple[int, ...] = ()
     rare: bool = False
     holes: tuple[Mask, ...] = ()
+    lost: float = 0.0
     everywhere: bool = False
     expected: bool = False
     by_design: str = ""

@@ -21,7 +21,7 @@ from tof_gap.seen.photons import own_law
 from tof_gap.seen.repeated import repeated
 from tof_gap.seen.session import session_of
 from tof_gap.tell.figures import figures
-from tof_gap.tell.outliers import fails_to_merge, not_outliers
+from tof_gap.tell.outliers import fails_to_merge, hides_light, not_outliers
 from tof_gap.tell.own_light import of_own_light
 from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
@@ -194,7 +194,7 @@ def _findings(solved: Solved, config: GapConfig, stated: StatedNoise, left_out: 
     # The noise of wrongly merged frequencies grows in weak light, as that of foreign light does.
     lines = [] if Noise.NAME in left_out else noise.lines_found(left, config.noise)
     own = noise.beside_lines(noise.without_noisy_pixels(left, config.noise), lines)
-    light = [] if unmerged else detected.detected_effects(own, config.noise, stated.law, left_out)
+    light = [] if any(map(hides_light, gone)) else detected.detected_effects(own, config.noise, stated.law, left_out)
     beside = detected.explained(left, light)
     arms_tell = not (_arms_silent(solved, left_out) or follows)
     foreign = None if Interference.NAME in left_out else _foreign(solved, lines, config, arms_tell=arms_tell)

@@ -10,7 +10,8 @@ import pytest
 
 from tof_gap.limits.missing import FilterLimits
 from tof_gap.seen.finding import Finding
-from tof_gap.tell.outliers import fails_to_merge, not_outliers, removed_outliers
+from tof_gap.tell.outliers import fails_to_merge, hides_light, not_outliers, removed_outliers
+from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
@@ -93,3 +94,18 @@ def test_noise_of_every_pixel_at_every_amplitude_makes_few_outliers_at_random(lo
     everywhere, in_the_dark = (Finding(Noise(extra_m=0.005), 0.95, everywhere=of) for of in (True, False))
     assert removed_outliers(Finding(loss, 0.9), [everywhere], LIMITS) is may_be
     assert not removed_outliers(Finding(loss, 0.9), [in_the_dark], LIMITS)
+
+
+@pytest.mark.parametrize(("lost", "hides"), [(0.03, False), (0.11, True)])
+def test_light_is_judged_beside_a_few_pixels_that_fail_to_merge_and_explains_them(lost: float, *, hides: bool) -> None:
+    wraps, light = Finding(PhaseWrap(share=0.1), 0.6, holes=(np.ones((4, 4), bool),), lost=lost), Finding(Ambient(surface_m=0.001), 0.95)
+    assert hides_light(wraps) is hides
+    assert not_outliers([wraps], [light], LIMITS) == ([wraps] if hides else [])
+    assert not_outliers([wraps], [], LIMITS) == [wraps]
+
+
+@pytest.mark.parametrize(("share", "hides"), [(0.02, False), (0.2, True)])
+def test_pixels_that_are_seen_to_jump_hide_light_where_they_are_many(share: float, *, hides: bool) -> None:
+    jumps = np.zeros((3, 10, 10))
+    jumps.ravel()[: round(share * jumps.size)] = 1.5
+    assert hides_light(Finding(PhaseWrap(share=share), 0.9, share=jumps, corrects=True)) is hides
