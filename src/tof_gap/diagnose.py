@@ -102,7 +102,7 @@ def diagnose(
     del joint, begun
     give_back()
     progress(UNEXPLAINED)
-    unexplained = look(found, caster.scene, config.report, config.missing, resembled)
+    unexplained = look(found, caster.scene, config.report, config.missing, resembled, stated.removed_mm)
     not_tested = too_few(len(views)) if few else untested(found, config, stated.law, left_out) | dict(untestable)
     return Diagnosis(
         verdict(found, unexplained, config.report),

@@ -7,6 +7,8 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tof_align.known import known_removed
 from tof_core.calibration import Calibration, calibration_beside
 from tof_gap.diagnose import diagnose
@@ -52,10 +54,17 @@ def diagnose_session(
         if note := scene_note(known, caster.scene.digest):
             progress(note)
         known = replace(known.holding_in(caster.scene.digest), camera=None)
+    stated = NOTHING_STATED if known is None else known.stated
     if known is not None and known.names != (PhotonLaw.NAME,):  # the law of the noise has no bias
         progress("removing known effects")
-        views = known_removed(views, caster, KnownBias(known), align)
+        recorded, views = views, known_removed(views, caster, KnownBias(known), align)
+        stated = replace(stated, removed_mm=_apart_mm(recorded, views))
     if config.calibration == Calibration():
         config = replace(config, calibration=calibration_beside(caster.scene.folder))
-    stated = NOTHING_STATED if known is None else known.stated
     return diagnose(views, caster, config, align, left_out, progress, untestable=untestable, stated=stated, given=given)
+
+
+def _apart_mm(before: Sequence[View], after: Sequence[View]) -> float:
+    """Millimetres: RMS difference in depth of the pixels that both have."""
+    apart = [(b.depth - a.depth)[np.isfinite(b.depth) & np.isfinite(a.depth)] for b, a in zip(before, after, strict=True)]
+    return 1e3 * float(np.sqrt(np.mean(np.concatenate(apart) ** 2))) if sum(map(len, apart)) else 0.0

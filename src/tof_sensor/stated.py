@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Noise and lost pixels that a sensor.yaml states, with which those of a session are compared."""
+"""What a sensor.yaml states: noise and lost pixels, with which those of a session are compared, and bias, which is removed first."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ KNOWN_SIZE = 1.25
 
 @dataclass(frozen=True, slots=True)
 class StatedNoise:
-    """law: the camera's photon law, None where none is stated; effects: all stated ones."""
+    """law: the camera's photon law, None where none is stated; effects: all stated ones; removed_mm: RMS of the bias removed from depth."""
 
     law: PhotonLaw | None = None
     effects: tuple[Effect, ...] = ()
+    removed_mm: float = 0.0
 
     def includes(self, found: Effect) -> bool:
         """Whether the camera is known to have an effect of this kind that is hardly smaller."""

@@ -77,8 +77,12 @@ class Unexplained:
     in_image: str = ""
 
 
-def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLimits, contradicted: Sequence[str] = ()) -> Unexplained:
+def look(
+    found: Account, scene: Scene, limits: ReportLimits, missing: MissingLimits, contradicted: Sequence[str] = (), removed_mm: float = 0.0
+) -> Unexplained:
     """Judge the gap that is left away from edges, against the floor.
+
+    Bias of a known sensor model (`removed_mm`, RMS) was removed first: what its maps leave is no structure, as of named effects.
 
     It is structured if any of these holds:
     - Block means exceed those of white noise, over all pixels or over those of one part. Structure of a named noise that neighbours
@@ -105,7 +109,8 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     size = 1e3 * float(np.sqrt(means.size2))
     before2 = max(gap.shown_mm[0] ** 2, 1e-9)
     gross = _gross(found, missing)
-    exact = all(EFFECTS[name].EXACT for name in solved.maps)
+    exact = not removed_mm and all(EFFECTS[name].EXACT for name in solved.maps)
+    allowed2 = limit.share * (before2 + removed_mm**2)
     least_mm, on_part_mm = (limit.alone_mm, limit.alone_mm) if exact else (limit.mm, limit.part_mm)
     # The noise of rows and stripes is uneven over parts: beside it no part is judged by itself. Coarse maps err on parts most.
     off = np.zeros(len(scene.parts), bool)
@@ -113,8 +118,8 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
         before = block_means(views, residual, noise2, limits.block_px, limit.block_pixels)
         off = off_parts(means, before, len(scene.parts), len(views), limit, max(on_part_mm * 1e-3, rough_m(solved)))
     least = np.hypot(least_mm, 1e3 * figures.alike_m)
-    of_lines = lines_off(line_sizes_m(views, left, noise2), least, limit.share * before2)
-    a_gap, beyond_maps = before2 > limit.mm**2, size**2 > limit.share * before2
+    of_lines = lines_off(line_sizes_m(views, left, noise2), least, allowed2)
+    a_gap, beyond_maps = before2 > limit.mm**2, size**2 > allowed2
     structured = (
         (size > least and beyond_maps)
         or bool(of_lines)
@@ -122,7 +127,12 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
         or gross > limit.gross_share
         or (bool(contradicted) and size > limit.contradicted_mm and beyond_maps)
         or bool(depends_on or (a_gap and solved.small_together) or gone.any())
-        or (a_gap and not noisy(found.findings) and misfit(residual, left, noise2, limits.shrink.noise_known) > limit.misfit)
+        or (
+            a_gap
+            and size**2 > limit.share * removed_mm**2
+            and not noisy(found.findings)
+            and misfit(residual, left, noise2, limits.shrink.noise_known) > limit.misfit
+        )
     )
     del residual  # Images of all views are most of a session's memory.
     if not structured:

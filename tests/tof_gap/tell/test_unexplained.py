@@ -134,6 +134,13 @@ def test_less_may_be_left_where_no_map_of_an_effect_is_inexact(maps: dict[str, A
     assert found.structured is structured
 
 
+@pytest.mark.parametrize(("removed_mm", "structured"), [(0.0, True), (1.5, True), (5.0, False)])
+def test_what_a_removed_bias_leaves_is_no_structure(removed_mm: float, *, structured: bool) -> None:
+    """1 mm on half of the pixels: of 5 mm that --sensor removed it is the maps' error, of 1.5 mm it is more."""
+    seen = account(session(1), left_over(0.001), before_mm=1.0)
+    assert look(seen, parts(2), ReportLimits(), MissingLimits(), (), removed_mm).structured is structured
+
+
 @pytest.mark.parametrize(("noise_m", "structured"), [(0.002, True), (0.004, False)])
 def test_a_part_is_not_judged_by_a_fraction_of_its_noise(noise_m: float, *, structured: bool) -> None:
     """0.6 mm are left on it, of pixels with 2 and 4 mm of noise."""
