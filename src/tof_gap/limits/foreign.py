@@ -13,7 +13,12 @@ class BeatLimits:
     """When stripes of another light source cross some of the views."""
 
     rows: int = param(43, "rows of cells that are averaged", low=5, high=999, why="two per period of the finest wave")
-    turns: float = param(3.5, "least number of periods over the image height", low=0.0, why="fewer look like slopes of other effects")
+    turns: float = param(
+        3.0,
+        "least number of periods over the image height",
+        low=0.0,
+        why="fewer look like slopes of other effects; a scanned camera had 3.2",
+    )
     band: float = param(1.5, "periods to either side that belong to the stripes", low=0.0, why="a beat's envelope widens its spectrum")
     chi2: float = param(25.0, "chi-square (2 degrees of freedom) of a view with stripes", low=0.0, why="chance: 4 in a million")
     share: float = param(
