@@ -44,6 +44,7 @@ class CadDeviation(FieldEffect):
     NAME: ClassVar[str] = "cad_deviation"
     ORDER: ClassVar[int] = 0
     UNEVEN: ClassVar[float] = 0.15  # Of the scene: a real part may be bent in other shapes.
+    ROUGH: ClassVar[float] = 0.04  # Of a bend that is no parabola, 0.54 mm of 3 were left.
     MEANING: ClassVar[str] = "a part stands or bends otherwise than drawn"
     REMEDY: ClassVar[str] = (
         "measure the part by other means (light from its neighbours can look alike); if it is off, put it back or correct the CAD"

@@ -64,7 +64,9 @@ def test_the_share_that_a_candidate_must_explain(one: Any, always: tuple[int, ..
 
 def test_forms_of_one_name_pay_for_their_number_and_free_functions_for_what_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of nothing 1000 are left: of 400 held out, a free function pays 25 and 3 % of 600; where more is left than of nothing, 25."""
-    made = selector(*[candidate("wiggling")] * 3, candidate("offset"), candidate("unknown", free="f"), candidate("pattern", free_form=True))
+    curve, formula = (SimpleNamespace(FORMULA=formula) for formula in (False, True))
+    free = candidate("unknown", free=curve), candidate("pattern", free_form=True), candidate("unknown", free=formula)
+    made = selector(*[candidate("wiggling")] * 3, candidate("offset"), *free)
     monkeypatch.setattr(Selector, "score", lambda *_: Hypothesis((), np.array([600.0, 400.0]), 1.0))
     held_out = np.array([300.0, 100.0])
     assert made._price([0, 3], held_out, 1.0) == pytest.approx(2 * np.log(3))
@@ -72,6 +74,7 @@ def test_forms_of_one_name_pay_for_their_number_and_free_functions_for_what_is_e
     assert made._price([4, 5], held_out, 1.0) == pytest.approx(2 * (25 + 0.03 * 600))
     assert made._price([4], 3 * held_out, 1.0) == pytest.approx(25.0)
     assert made._price([3], held_out, 1.0) == 0.0
+    assert made._price([6], held_out, 1.0) == pytest.approx(2 * np.log(2)), "a formula without a name, of two forms without one"
     assert Hypothesis((3,), held_out, 1.0, 2.5).score == 402.5
 
 
