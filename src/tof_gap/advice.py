@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 EXTRA = 4
 """Largest number of views that advice may ask for."""
 BOARD_VIEWS = 10
-"""Views before a board with which errors over range, which show between views alone, can be told from the spread of the views."""
+"""Views before a board with which errors over range, which show between views alone, differ from the spread of the views."""
 
 
 def advise(d: Diagnosis, caster: Raycaster) -> list[str]:

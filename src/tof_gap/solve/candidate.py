@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
+from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.hand_eye import HandEye
 
 if TYPE_CHECKING:
@@ -54,12 +55,16 @@ class Candidate:
         return self.free if self.effect is None else self.effect
 
     def excludes(self, other: Candidate) -> bool:
-        """Whether no hypothesis may contain both: two forms of an effect that a session, or a part, has only once."""
+        """Whether no hypothesis may contain both: two forms of an effect that a session, or a part, has only once, or two formulas of amplitude."""
         if self.name != other.name:
-            return False
+            return self._rivals(other) or other._rivals(self)
         if self.free is not None:
             return other.free is not None and self.free.quantity == other.free.quantity
         return self.effect is None or other.effect is None or not self.effect.occurs_beside(other.effect)
+
+    def _rivals(self, other: Candidate) -> bool:
+        """Whether a formula without a name would explain what formulas of `amplitude_bias` leave of it: both go as the inverse of amplitude."""
+        return self.free is not None and self.free.FORMULA and other.name == AmplitudeBias.NAME
 
     def stands_beside(self, others: Sequence[Candidate]) -> bool:
         """Whether a hypothesis may contain the candidate together with exactly the candidates `others`; it may be one of them."""

@@ -17,6 +17,8 @@ from tof_gap.solve.columns import ColumnStore, build
 from tof_gap.solve.crosstalk import USUAL_MHZ, Crosstalk, crosstalk
 from tof_gap.solve.free import STRAY_LIGHT, curves
 from tof_gap.solve.select import select
+from tof_sensor.effects.amplitude_bias import AmplitudeBias
+from tof_sensor.effects.wiggling import Wiggling
 from tof_sensor.frame import LIGHT_M_PER_S
 
 if TYPE_CHECKING:
@@ -83,3 +85,11 @@ def test_a_hypothesis_contains_stray_light_once() -> None:
     assert one.excludes(other)
     assert one.excludes(curve)
     assert not one.excludes(next(c for c in curves(seen, ASKED) if c.note == "row"))
+
+
+def test_crosstalk_explains_no_rest_of_an_error_by_amplitude() -> None:
+    (one, *_) = crosstalk(views(np.random.default_rng(0)), (60.0,))
+    dark = Candidate("amplitude_bias", AmplitudeBias())
+    assert one.excludes(dark)
+    assert dark.excludes(one)
+    assert not one.excludes(Candidate("wiggling", Wiggling()))
