@@ -95,10 +95,11 @@ def todo(content: dict[str, Any]) -> list[str]:
             "Look at the views with an object that other views do not see. Keep people out of sight, and cover lamps and mirrors, whose light spreads in the lens. "
             "The pixels of such objects are left out already."
         )
+    lines += [f"Capture: {line}." for line in content["advice"]]
     if "unknown" in content["verdict"]:
         left = content["unexplained"]
         lines.append(where_to_look(left["where"], left.get("depends_on", ()), _suspects(content)))
-    return lines + [f"Capture: {line}." for line in content["advice"]]
+    return lines
 
 
 def where_to_look(where: Sequence[str], depends_on: Sequence[str] = (), suspects: Sequence[str] = ()) -> str:

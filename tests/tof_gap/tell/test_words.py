@@ -120,11 +120,11 @@ def test_a_healthy_session_asks_for_nothing() -> None:
 
 def test_what_to_do_follows_the_verdict_the_world_and_the_advice() -> None:
     lines = todo(content("unknown", "wiggling", where=("panel",), advice=("go closer",), missing=("pipe",)))
-    assert ["--sensor" in lines[0], "scene.yaml" in lines[1], "Look at panel" in lines[2], lines[3]] == [
-        True,
+    assert ["--sensor" in lines[0], "scene.yaml" in lines[1], lines[2], "Look at panel" in lines[3]] == [
         True,
         True,
         "Capture: go closer.",
+        True,
     ]
     assert "--sensor" not in " ".join(todo(content("unknown")))
 
