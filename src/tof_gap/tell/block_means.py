@@ -15,7 +15,8 @@ from tof_sensor.effect import Evidence
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float, Ints
+    from tof_core.arrays import Float, Ints, Mask
+    from tof_gap.limits.report import UnexplainedLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.tell.account import Account
 
@@ -75,3 +76,18 @@ def unbiased2(found: Account, views: Sequence[int]) -> list[Float]:
     named = [f.share for f in found.findings if f.effect.EVIDENCE is Evidence.NOISE and f.share is not None]
     floors, unsure2 = found.figures.floors, found.figures.unsure2
     return [single(sum((np.nan_to_num(s[v]) ** 2 for s in named), np.asarray(floors[v], float)) + unsure2) for v in views]
+
+
+def off_parts(left: BlockMeans, before: BlockMeans, parts: int, views: int, limit: UnexplainedLimits, least_m: float) -> Mask:
+    """(parts,) parts whose RMS error above the floor exceeds `least_m`, `noise_share` of their noise, and `share` of the squared error before.
+
+    All three without the view that contributes most.
+    """
+    (after, known), pixels = left.of_parts(parts, views), left.pixels_of(parts, views)
+    most = np.argmax(after, axis=0), np.arange(parts)
+    enough = pixels > limit.part_pixels * pixels.sum()
+    least = 1.0  # 1/m^2, of a part without a block: else 0 is divided by 0.
+    size2 = (after.sum(axis=0) - after[most]) / np.maximum(known.sum(axis=0) - known[most], least)
+    was2 = before.of_parts(parts, views)[0].sum(axis=0) / np.maximum(known.sum(axis=0), least)
+    noise2 = pixels / np.maximum(known.sum(axis=0), least)
+    return np.asarray(enough & (size2 > least_m**2) & (size2 > limit.noise_share**2 * noise2) & (size2 > limit.share * was2))

@@ -17,7 +17,7 @@ from tof_gap.seen.lost_by_pixel import lost_by_pixels
 from tof_gap.seen.residual import gross_bound
 from tof_gap.seen.smeared import smeared
 from tof_gap.tell.account import astray2, rough_m, steps2
-from tof_gap.tell.block_means import block_means, unbiased2
+from tof_gap.tell.block_means import block_means, off_parts, unbiased2
 from tof_gap.tell.figures import away_from_edges
 from tof_gap.tell.image_place import image_place
 from tof_gap.tell.line_means import line_sizes_m
@@ -80,9 +80,7 @@ class Unexplained:
 def look(
     found: Account, scene: Scene, limits: ReportLimits, missing: MissingLimits, contradicted: Sequence[str] = (), removed_mm: float = 0.0
 ) -> Unexplained:
-    """Judge the gap that is left away from edges, against the floor.
-
-    Bias of a known sensor model (`removed_mm`, RMS) was removed first: what its maps leave is no structure, as of named effects.
+    """Judge the gap that is left away from edges, against the floor, and against what maps of the bias removed first (`removed_mm`, RMS) leave.
 
     It is structured if any of these holds:
     - Block means exceed those of white noise, over all pixels or over those of one part. Structure of a named noise that neighbours
@@ -112,11 +110,7 @@ def look(
     exact = not removed_mm and all(EFFECTS[name].EXACT for name in solved.maps)
     allowed2 = limit.share * (before2 + removed_mm**2)
     least_mm, on_part_mm = (limit.alone_mm, limit.alone_mm) if exact else (limit.mm, limit.part_mm)
-    # The noise of rows and stripes is uneven over parts: beside it no part is judged by itself. Coarse maps err on parts most.
-    off = np.zeros(len(scene.parts), bool)
-    if not figures.alike_m:
-        before = block_means(views, residual, noise2, limits.block_px, limit.block_pixels)
-        off = off_parts(means, before, len(scene.parts), len(views), limit, max(on_part_mm * 1e-3, rough_m(solved)))
+    off = _parts_off(found, means, residual, noise2, len(scene.parts), limits, on_part_mm)
     least = np.hypot(least_mm, 1e3 * figures.alike_m)
     of_lines = lines_off(line_sizes_m(views, left, noise2), least, allowed2)
     a_gap, beyond_maps = before2 > limit.mm**2, size**2 > allowed2
@@ -127,12 +121,7 @@ def look(
         or gross > limit.gross_share
         or (bool(contradicted) and size > limit.contradicted_mm and beyond_maps)
         or bool(depends_on or (a_gap and solved.small_together) or gone.any())
-        or (
-            a_gap
-            and size**2 > limit.share * removed_mm**2
-            and not noisy(found.findings)
-            and misfit(residual, left, noise2, limits.shrink.noise_known) > limit.misfit
-        )
+        or (a_gap and size**2 > limit.share * removed_mm**2 and _misfits(found, residual, left, noise2, limits))
     )
     del residual  # Images of all views are most of a session's memory.
     if not structured:
@@ -147,6 +136,25 @@ def look(
         resembles=tuple(contradicted),
         in_image=image_place(views, left, noise2, limits.block_px),
     )
+
+
+def _parts_off(
+    found: Account, means: BlockMeans, residual: Sequence[Float], noise2: Sequence[Float], parts: int, limits: ReportLimits, least_mm: float
+) -> Mask:
+    """(parts,) parts that are off by themselves: by `least_mm` and more, and by more than coarse maps err on parts.
+
+    None beside noise of rows and stripes, which is uneven over parts.
+    """
+    if found.figures.alike_m:
+        return np.zeros(parts, bool)
+    views, limit = found.solved.evidence, limits.unexplained
+    before = block_means(views, residual, noise2, limits.block_px, limit.block_pixels)
+    return off_parts(means, before, parts, len(views), limit, max(least_mm * 1e-3, rough_m(found.solved)))
+
+
+def _misfits(found: Account, residual: Sequence[Float], left: Sequence[Float], noise2: Sequence[Float], limits: ReportLimits) -> bool:
+    """Whether the fit leaves much of the chi-square that it was to explain, where no noise is named."""
+    return not noisy(found.findings) and misfit(residual, left, noise2, limits.shrink.noise_known) > limits.unexplained.misfit
 
 
 def noisy(findings: Sequence[Finding]) -> bool:
@@ -191,21 +199,6 @@ def _signs(found: Account, limit: UnexplainedLimits, missing: MissingLimits) -> 
         EDGES: smeared(found.solved.bare, missing),
     }
     return [name for name, shown in seen.items() if shown]
-
-
-def off_parts(left: BlockMeans, before: BlockMeans, parts: int, views: int, limit: UnexplainedLimits, least_m: float) -> Mask:
-    """(parts,) parts whose RMS error above the floor exceeds `least_m`, `noise_share` of their noise, and `share` of the squared error before.
-
-    All three without the view that contributes most.
-    """
-    (after, known), pixels = left.of_parts(parts, views), left.pixels_of(parts, views)
-    most = np.argmax(after, axis=0), np.arange(parts)
-    enough = pixels > limit.part_pixels * pixels.sum()
-    least = 1.0  # 1/m^2, of a part without a block: else 0 is divided by 0.
-    size2 = (after.sum(axis=0) - after[most]) / np.maximum(known.sum(axis=0) - known[most], least)
-    was2 = before.of_parts(parts, views)[0].sum(axis=0) / np.maximum(known.sum(axis=0), least)
-    noise2 = pixels / np.maximum(known.sum(axis=0), least)
-    return np.asarray(enough & (size2 > least_m**2) & (size2 > limit.noise_share**2 * noise2) & (size2 > limit.share * was2))
 
 
 def _share(left2: float, free2: float, before2: float) -> float:

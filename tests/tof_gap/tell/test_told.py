@@ -275,7 +275,8 @@ def test_a_lamp_whose_place_is_known_is_the_foreign_light(monkeypatch: pytest.Mo
 def test_what_a_filter_removed_is_no_loss_and_failed_merging_is_told_to_noise(monkeypatch: pytest.MonkeyPatch) -> None:
     """Foreign light beside frequencies that are merged wrongly cannot be told from their noise."""
     own = Finding(Noise(extra_m=0.002), 0.9, own_noise=np.ones((2, 2), bool))
-    removed, kept = Finding(PhaseWrap(), 0.6, holes=(np.eye(2, dtype=bool),)), Finding(PhaseWrap(share=0.9), 0.9, corrects=True)
+    removed = Finding(PhaseWrap(), 0.6, holes=(np.eye(2, dtype=bool),), lost=0.5)
+    kept = Finding(PhaseWrap(share=0.9), 0.9, corrects=True)
     for gone, scatter, unmerged, expected in (
         ([removed], [own], True, (own,)),
         ([removed], [FOUND], True, (FOUND, removed)),
