@@ -77,8 +77,9 @@ class Loss:
         """Share and limit in words; empty where nothing separates lost pixels from measured ones."""
         share = f"{in_percent(self.share)} of the pixels"
         if self.goes_with is GoesWith.LIGHT:
-            stated = f"amplitude {self.amplitude:.3g}, {in_percent(self.of_median)} of the median" if np.isfinite(self.amplitude) else ""
-            return f"{share}, those of weak light: below {stated or f'{in_percent(self.of_median)} of the median light'}"
+            limit = f"{in_percent(self.of_median)} of" if self.of_median < 1.0 else f"{self.of_median:.2g} times"
+            stated = f"amplitude {self.amplitude:.3g}, {limit} the median" if np.isfinite(self.amplitude) else ""
+            return f"{share}, those of weak light: below {stated or f'{limit} the median light'}"
         if self.goes_with is GoesWith.STRONG_LIGHT:
             return f"{share}, those of strong light: above {self.of_median:.2g} times the median light"
         if self.goes_with is GoesWith.RANGE:

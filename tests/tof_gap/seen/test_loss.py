@@ -128,3 +128,8 @@ def test_a_curve_loses_as_many_pixels_as_were_lost_though_the_light_of_the_cad_i
     lost = (pixels.amplitude < THRESHOLD).astype(float)
     threshold, steepness = curve(pixels.light, lost)
     assert np.mean(1 / (1 + (pixels.light / threshold) ** steepness)) == pytest.approx(lost.mean(), rel=0.02)
+
+
+@pytest.mark.parametrize(("of_median", "limit"), [(0.07, "7 % of the median light"), (7.11, "7.1 times the median light")])
+def test_a_limit_above_the_median_is_stated_as_a_multiple(of_median: float, limit: str) -> None:
+    assert Loss(GoesWith.LIGHT, 0.3, of_median=of_median).size == f"30 % of the pixels, those of weak light: below {limit}"
