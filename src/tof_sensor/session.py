@@ -93,8 +93,7 @@ class Session:
 
     def frequencies(self, *usual: float) -> tuple[float, ...]:
         """Modulation frequencies to try, MHz: the stated ones and, of several, their mean, since the camera merges them; else the usual ones."""
-        stated = self.stated_mhz
-        return (*stated, float(np.mean(stated))) if len(stated) > 1 else stated or usual
+        return merged(self.stated_mhz) or usual
 
     @property
     def moving(self) -> bool:
@@ -159,3 +158,8 @@ class Session:
             points.append(v.frame.points.reshape(-1, 3)[here] @ T[:3, :3].T + T[:3, 3])
             normals.append(rendering.normal.reshape(-1, 3)[here].astype(np.float64) @ T[:3, :3].T)
         return np.concatenate(points), np.concatenate(normals)
+
+
+def merged(stated_mhz: tuple[float, ...]) -> tuple[float, ...]:
+    """The stated modulation frequencies, MHz, and of several their mean, since the camera merges them; empty without any."""
+    return (*stated_mhz, float(np.mean(stated_mhz))) if len(stated_mhz) > 1 else stated_mhz

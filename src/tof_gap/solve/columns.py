@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Image, Ints
     from tof_gap.seen.pattern import LineMeans
     from tof_gap.seen.residual import ViewEvidence
-    from tof_gap.solve.candidate import Nameless
+    from tof_gap.solve.nameless import Nameless
     from tof_sensor.effect import Effect
 
 FREE_SD_M = 0.05

@@ -10,7 +10,10 @@ import numpy as np
 
 from tof_gap.solve.candidate import Candidate
 from tof_gap.solve.free import AMPLITUDE, STRAY_LIGHT, UNKNOWN, knots_of
+from tof_gap.solve.nameless import Nameless, inverse_light
+from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.frame import LIGHT_M_PER_S
+from tof_sensor.session import merged
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,52 +26,34 @@ USUAL_MHZ = (15.0, 30.0, 45.0, 60.0, 75.0, 90.0, 105.0, 120.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Crosstalk:
+class Crosstalk(Nameless):
     """An error along the ray by light of constant phase and amount beside the pixel's own light.
 
     The sum of the pixel's phasor A exp(i phi), with phi = 4 pi f r / c, and one of amount S and phase psi turns by (S / A) sin(psi - phi)
     to first order, which are two columns: sin(phi) / A and cos(phi) / A. Like a free function it has no name, so that a wave over range
-    does not stand in for it; unlike one it pays for no freedom. unit: amplitude by which A is divided; means: of both columns over the
-    session's pixels; they are subtracted, since a constant is an offset.
+    does not stand in for it; unlike one it pays for no freedom. Formulas of `amplitude_bias` go as 1 / A too, and it would explain what
+    these leave.
     """
 
     modulation_mhz: float
-    unit: float
-    means: tuple[float, float] = (0.0, 0.0)
-    quantity: ClassVar[str] = STRAY_LIGHT
+    means: tuple[float, ...] = (0.0, 0.0)
+    quantity: str = STRAY_LIGHT
     FORMULA: ClassVar[bool] = True
-
-    def columns(self, view: ViewEvidence) -> Float:
-        """(n, 2) at a view's drawn pixels: metres of z per metre along the ray."""
-        return self._at(view, view.pixels)
-
-    def share(self, values: Float, view: ViewEvidence) -> Float:
-        """(H, W) metres of z for `values` (2,), metres along the ray."""
-        every = np.arange(view.residual.size)
-        return np.asarray((self._at(view, every) @ values).reshape(view.residual.shape))
+    RIVALS: ClassVar[frozenset[str]] = frozenset({AmplitudeBias.NAME})
 
     def along_ray(self, view: ViewEvidence, at: Ints) -> Float:
-        """(n, 2) columns along the ray at pixels (flat indices), means included; NaN without light."""
+        """(n, 2) sine and cosine of the phase over the pixel's own light."""
         phase = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S * view.frame.radial.ravel()[at].astype(np.float64)
-        light = view.frame.amplitude.ravel()[at] / self.unit
-        own = np.where(light > 0, 1.0 / np.maximum(light, 1e-12), np.nan)
-        return np.stack([np.sin(phase) * own, np.cos(phase) * own], axis=1)
-
-    def _at(self, view: ViewEvidence, at: Ints) -> Float:
-        return np.asarray(np.nan_to_num(self.along_ray(view, at) - self.means) / view.frame.length.ravel()[at, None])
+        return np.stack([np.sin(phase), np.cos(phase)], axis=1) * inverse_light(view, at)
 
 
-def crosstalk(views: Sequence[ViewEvidence], stated_mhz: Sequence[float]) -> list[Candidate]:
-    """One candidate per frequency: the stated ones and, of several, their mean, else usual ones; none where all pixels are equally bright."""
+def crosstalk(views: Sequence[ViewEvidence], stated_mhz: tuple[float, ...]) -> list[Candidate]:
+    """One candidate per frequency, of the stated ones (`merged`) or usual ones; none where all pixels are equally bright."""
     if knots_of(views, AMPLITUDE) is None:
         return []
-    tried = (*stated_mhz, float(np.mean(stated_mhz))) if len(stated_mhz) > 1 else tuple(stated_mhz) or USUAL_MHZ
-    light = np.concatenate([v.frame.amplitude.ravel()[v.pixels] for v in views])
-    unit = float(np.median(light[light > 0]))
     out = []
-    for mhz in tried:
-        bare = Crosstalk(mhz, unit)
-        every = np.concatenate([bare.along_ray(v, v.pixels) for v in views])
-        sine, cosine = np.nanmean(every, axis=0)
-        out.append(Candidate(UNKNOWN, None, STRAY_LIGHT, Crosstalk(mhz, unit, (float(sine), float(cosine)))))
+    for mhz in merged(stated_mhz) or USUAL_MHZ:
+        bare = Crosstalk(mhz)
+        means = np.nanmean(np.concatenate([bare.along_ray(v, v.pixels) for v in views]), axis=0)
+        out.append(Candidate(UNKNOWN, None, STRAY_LIGHT, Crosstalk(mhz, tuple(means.tolist()))))
     return out

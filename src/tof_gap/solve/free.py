@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tof_core.stats import hats
 from tof_gap.solve.candidate import Candidate
+from tof_gap.solve.nameless import Nameless, inverse_light
 from tof_sensor.curve import CurveEffect, Knots
 from tof_sensor.geometry import cell_points
 from tof_sensor.registry import PHYSICAL_ORDER
@@ -31,32 +32,20 @@ APART = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class FreeFunction:
+class FreeFunction(Nameless):
     """An error along the ray that is any function of the observable `quantity`, piecewise linear between `knots`, with mean 0.
 
-    It competes with the named effects, so that none of them stands in for an effect outside the vocabulary. means: of the hat functions
-    over the session's pixels; they are subtracted, since a constant is an offset and no dependence. For `STRAY_LIGHT` the function is
-    one of range, divided by the pixel's own light: stray light of one phase covers the whole image.
+    Its columns are the hat functions at the knots, with their `means`. For `STRAY_LIGHT` the function is one of range, divided by the
+    pixel's own light: stray light of one phase covers the whole image.
     """
 
     quantity: str
     knots: tuple[float, ...]
     means: tuple[float, ...]
-    FORMULA: ClassVar[bool] = False
 
-    def columns(self, view: ViewEvidence) -> Float:
-        """(n, knots) at a view's drawn pixels: metres of z per metre along the ray at each knot."""
-        return self._at(view, view.pixels)
-
-    def share(self, values: Float, view: ViewEvidence) -> Float:
-        """(H, W) metres of z for `values` (knots,), metres along the ray at the knots."""
-        every = np.arange(view.residual.size)
-        return np.asarray((self._at(view, every) @ values).reshape(view.residual.shape))
-
-    def _at(self, view: ViewEvidence, at: Ints) -> Float:
-        """(n, knots) metres of z at pixels (flat indices)."""
-        centred = _bends(view, self.quantity, self.knots, at) - self.means
-        return np.asarray(np.nan_to_num(centred) / view.frame.length.ravel()[at, None])
+    def along_ray(self, view: ViewEvidence, at: Ints) -> Float:
+        """(n, knots) hat functions at pixels (flat indices)."""
+        return _bends(view, self.quantity, self.knots, at)
 
 
 UNKNOWN = "unknown"
@@ -114,8 +103,7 @@ def _bends(view: ViewEvidence, name: str, knots: Sequence[float] | Float, at: In
     """(n, knots) hat functions at pixels (flat indices), for stray light divided by the pixel's own light; NaN where unknown."""
     if name != STRAY_LIGHT:
         return hats(observed(view, name, at), knots)
-    light = view.frame.amplitude.ravel()[at]
-    return hats(observed(view, RANGE, at), knots) * np.where(light > 0, 1.0 / np.maximum(light, 1e-12), np.nan)[:, None]
+    return hats(observed(view, RANGE, at), knots) * inverse_light(view, at)
 
 
 def observed(view: ViewEvidence, name: str, at: Ints) -> Float:

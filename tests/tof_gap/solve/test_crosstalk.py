@@ -41,13 +41,13 @@ def bent_by_glass(mhz: float) -> Float:
 def test_two_columns_are_the_error_of_the_sum_of_two_phasors_to_first_order() -> None:
     view = views(np.random.default_rng(0))[3]
     at = np.arange(SHAPE[0] * SHAPE[1])
-    bare = Crosstalk(60.0, float(np.median(view.frame.amplitude)))
+    bare, unit = Crosstalk(60.0), float(np.median(view.frame.amplitude))
     turn = 4e6 * np.pi * 60.0 / LIGHT_M_PER_S
-    own = view.frame.amplitude / bare.unit
+    own = view.frame.amplitude / unit
     r = view.frame.radial
     small = 1e-3
     exact = np.angle(own + small * np.exp(1j * (PSI - turn * r)))
-    made = bare.along_ray(view, at) @ (small * np.array([-np.cos(PSI), np.sin(PSI)]))
+    made = bare.along_ray(view, at) @ (unit * small * np.array([-np.cos(PSI), np.sin(PSI)]))
     np.testing.assert_allclose(made, exact.ravel(), atol=1e-5)
 
 
