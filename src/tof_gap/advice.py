@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core import se3
+from tof_core.board.spec import USUAL_VIEWS
 from tof_core.shares import in_percent
 from tof_gap.seen.edges import edge_band
 from tof_gap.solve.candidate import HAND_EYE, Candidate
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
 
 EXTRA = 4
 """Largest number of views that advice may ask for."""
-BOARD_VIEWS = 10
-"""Views before a board with which errors over range, which show between views alone, differ from the spread of the views."""
 
 
 def advise(d: Diagnosis, caster: Raycaster) -> list[str]:
@@ -49,9 +48,9 @@ def advise(d: Diagnosis, caster: Raycaster) -> list[str]:
 def _before_a_board(d: Diagnosis) -> str:
     """More poses of a board, where an error without a name is common to few views; empty elsewhere."""
     views = len(d.evidence)
-    if d.chain.root is None or views >= BOARD_VIEWS or "unknown" not in d.verdict:
+    if d.chain.root is None or views >= USUAL_VIEWS or "unknown" not in d.verdict:
         return ""
-    return f"the board in {BOARD_VIEWS} poses and more, at several distances and tilts: {views} views cannot prove an error that is common to all"
+    return f"the board in {USUAL_VIEWS} poses and more, at several distances and tilts: {views} views cannot prove an error that is common to all"
 
 
 def _for_tie(d: Diagnosis, caster: Raycaster, effect: Effect | None, other: Effect | None) -> str:

@@ -18,6 +18,9 @@ CHECKER, CHARUCO, APRILTAG = "checker", "charuco", "apriltag"
 FORMS = "5x7x0.030 (inner corners x inner corners x square in metres), charuco:6x8x0.030x0.022 or apriltag:4x6x0.040x0.010"
 """What `--board` takes: a ChArUco board by its squares, square and marker side; an AprilTag grid by its tags, tag side and gap."""
 
+USUAL_VIEWS = 10
+"""Views before a board with which errors over range, which show between views alone, differ from the spread of the views."""
+
 
 @dataclass(frozen=True, slots=True)
 class Board:

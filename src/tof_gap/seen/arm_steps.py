@@ -37,8 +37,7 @@ def following(steps: Float, of_view: Float, station: Ints) -> Followed:
     """
     seen = np.isfinite(of_view).all(axis=1)
     bases = (station[seen, None] == np.unique(station[seen])).astype(float)
-    chance, squares = _followed(steps[seen], bases, of_view[seen])
-    return Followed(chance, float(np.sqrt(squares / max(seen.sum(), 1))))
+    return _followed(steps[seen], bases, of_view[seen])
 
 
 def contents(views: Sequence[ViewEvidence]) -> Float:
@@ -66,8 +65,7 @@ def sagging(turns: Float, cameras: Float, station: Ints) -> Followed:
     down = -cameras[:, 2, :3]
     law = np.stack([np.cross(axis, down) for axis in np.eye(3)], axis=-1).reshape(-1, 3)
     bases = np.kron((station[:, None] == np.unique(station)).astype(float), np.eye(3))
-    chance, squares = _followed(turns.ravel(), bases, law)
-    return Followed(chance, float(np.sqrt(squares / turns.size)))
+    return _followed(turns.ravel(), bases, law)
 
 
 def over_prior(arms: Float, arms_sd: Float) -> float:
@@ -89,14 +87,15 @@ def means(views: Sequence[ViewEvidence], maps: Sequence[Float]) -> Float:
     return np.array([[np.nanmean(m[v.smooth]) if np.isfinite(m[v.smooth]).any() else np.nan] for v, m in zip(views, maps, strict=True)])
 
 
-def _followed(steps: Float, bases: Float, columns: Float) -> tuple[float, float]:
-    """Probability that `columns` (n, k) explain steps (n,) beside `bases` (n, s) as well by chance (F test), and the sum of squares that they do."""
+def _followed(steps: Float, bases: Float, columns: Float) -> Followed:
+    """How well `columns` (n, k) explain steps (n,) beside `bases` (n, s)."""
     alone, free_alone = _left(bases, steps)
     both, free = _left(np.column_stack([bases, columns]), steps)
     terms = free_alone - free
     if terms < 1 or free < 1 or not both > 0.0:
-        return 1.0, 0.0
-    return float(fdtrc(terms, free, (alone - both) / terms / (both / free))), max(alone - both, 0.0)
+        return Followed(1.0, 0.0)
+    chance = float(fdtrc(terms, free, (alone - both) / terms / (both / free)))
+    return Followed(chance, float(np.sqrt(max(alone - both, 0.0) / len(steps))))
 
 
 def _left(columns: Float, steps: Float) -> tuple[float, int]:

@@ -74,9 +74,15 @@ def lost(view: ViewEvidence, limits: MissingLimits, too_bright: float) -> Float:
     seen = view.view
     by_filter = outliers_removed(seen.valid, limits)
     gone = np.where(expected(view, limits) & ~by_filter, lost_share(view), 0.0)
-    if seen.amplitude is None:
-        return gone
-    return np.where(binary_fill_holes(np.nan_to_num(seen.amplitude) > too_bright), 0.0, gone)
+    return np.where(saturating(view, too_bright), 0.0, gone)
+
+
+def saturating(view: ViewEvidence, too_bright: float) -> Mask:
+    """(H, W) pixels with an amplitude of `too_bright` and more there or all around; none without an amplitude image."""
+    amplitude = view.view.amplitude
+    return (
+        np.zeros(view.residual.shape, bool) if amplitude is None else np.asarray(binary_fill_holes(np.nan_to_num(amplitude) > too_bright))
+    )
 
 
 def lost_share(view: ViewEvidence) -> Float:

@@ -31,7 +31,8 @@ def phase_wrap(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding 
     """`phase_wrap` where enough pixels jump by one common size."""
     # Edges that blur or move make jumps too: wrapped phase is looked for away from them.
     inner = [~binary_dilation(v.edge, iterations=limits.edge_reach_px) for v in views]
-    jump = np.concatenate([_jumps(v, i, limits) for v, i in zip(views, inner, strict=True)])
+    of_views = [_jumps(v, i, limits) for v, i in zip(views, inner, strict=True)]
+    jump = np.concatenate(of_views)
     total = sum(int((np.isfinite(v.residual) & i).sum()) for v, i in zip(views, inner, strict=True))
     if len(jump) < limits.turn_share * max(total, 1):
         return None
@@ -44,7 +45,7 @@ def phase_wrap(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding 
     short = bool(np.median(jump[near]) < 0)
     others, others_share = _other_jumps(np.abs(jump), size, limits, limits.turn_share * total)
     captures, spread = max(v.view.captures for v in views), limits.turn_spread_mm * 1e-3
-    turn = _turn(size, [(v.view.captures, np.abs(_jumps(v, i, limits))) for v, i in zip(views, inner, strict=True)], spread)
+    turn = _turn(size, [(v.view.captures, np.abs(j)) for v, j in zip(views, of_views, strict=True)], spread)
     jumps = np.sort(np.concatenate([_whole(turn), [size] if turn > size else [], others]))
     maps = [_wraps(v, jumps, limits) for v in views]
     start, share = _where_wrapped(views, maps, limits, short=short)

@@ -6,11 +6,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import binary_fill_holes
 
 from tof_core.reasons import Reason
 from tof_core.shares import in_percent
-from tof_gap.seen.lost import brightest
+from tof_gap.seen.lost import brightest, saturating
 from tof_gap.tell.unexplained import by_part
 
 if TYPE_CHECKING:
@@ -36,7 +35,7 @@ def over_exposed(views: Sequence[ViewEvidence], names: Sequence[str], limits: Mi
     share = count / max(sum(int(s.sum()) for s in seeing), 1)
     if share < least:
         return ""
-    of_part = by_part(views, [np.where(g, 1.0, 0.0) for g in gone], len(names))
+    of_part = by_part(views, [g.astype(float) for g in gone], len(names))
     worst = int(np.argmax(of_part))
     where = f", most of them on {names[worst]}" if of_part[worst] > MOST * count else ""
     return (
@@ -48,7 +47,4 @@ def over_exposed(views: Sequence[ViewEvidence], names: Sequence[str], limits: Mi
 def saturated(view: ViewEvidence, too_bright: float) -> Mask:
     """(H, W) pixels without depth that have the code of saturation, or an amplitude of `too_bright` and more there or all around."""
     seen = view.view
-    coded = seen.reason == Reason.SATURATED
-    if seen.amplitude is None:
-        return np.asarray(coded)
-    return np.asarray(coded | (~seen.valid & binary_fill_holes(np.nan_to_num(seen.amplitude) > too_bright)))
+    return np.asarray((seen.reason == Reason.SATURATED) | (~seen.valid & saturating(view, too_bright)))

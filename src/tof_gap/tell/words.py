@@ -233,7 +233,7 @@ def hand_eye_words(hand_eye: Float) -> str:
 
 def small_words(names: Sequence[str], sizes_mm: Mapping[str, float]) -> str:
     """Effects and observables that a healthy camera or the stated calibration may have, with known sizes; none that rounds to 0.0 mm."""
-    shown = [name for name in names if sizes_mm.get(name, 1.0) >= SHOWN_MM]
+    shown = [name for name in names if sizes_mm.get(name, SHOWN_MM) >= SHOWN_MM]
     return ", ".join(name + (f" ({sizes_mm[name]:.1f} mm)" if name in sizes_mm else "") for name in shown)
 
 

@@ -38,13 +38,18 @@ def camera_of(topics: Topics, streams: dict[str, Stream]) -> tuple[Camera | None
 
 def _findings(topics: Topics, cameras: list[Camera], images: list[Any]) -> Iterator[Finding]:
     camera = cameras[0]
-    width, height = field_deg(camera)
-    yield ok(CHECK, f"{camera.width}x{camera.height}, fx {camera.fx:.1f}, {width:.1f} x {height:.1f} degrees, frame '{camera.frame_id}'")
+    yield ok(CHECK, f"{described(camera)}, frame '{camera.frame_id}'")
     if any(c != camera for c in cameras):
         yield fix(CHECK, f"{topics.info} changes within the recording", "keep one camera mode in a session; label each mode separately")
     yield from plausible(camera)
     if topics.depth:
         yield from _of_image(camera, images, topics)
+
+
+def described(camera: Camera) -> str:
+    """Size, focal length and field of view in words."""
+    width, height = field_deg(camera)
+    return f"{camera.width}x{camera.height}, fx {camera.fx:.1f}, {width:.1f} x {height:.1f} degrees"
 
 
 def field_deg(camera: Camera) -> tuple[float, float]:

@@ -45,7 +45,7 @@ def examine_frames(messages: Sequence[Any], topics: Topics, camera: Camera, opti
     yield codes(reasons)
     yield from distances(np.stack(depths), options)
     if options.depth == "z":
-        yield radial(depths[: ASKED * max(1, len(depths) // ASKED) : max(1, len(depths) // ASKED)], camera)
+        yield radial(depths, camera)
 
 
 def _decoded(message: Any, topics: Topics, camera: Camera, options: BagOptions) -> tuple[Image, Bytes]:
@@ -96,7 +96,8 @@ def distances(depth: Image, options: BagOptions) -> Iterator[Finding]:
 
 def radial(depths: Sequence[Image], camera: Camera) -> Finding:
     """Check for radial distance: read as z, it makes flat surfaces appear bent."""
-    found = [radial_evidence(d, camera) for d in depths]
+    step = max(1, len(depths) // ASKED)
+    found = [radial_evidence(d, camera) for d in depths[: ASKED * step : step]]
     planes, log_odds = sum(f.planes for f in found), sum(f.log_odds for f in found)
     suspicion = float(1 / (1 + np.exp(-np.clip(log_odds, -50, 50))))
     usable = [f for f in found if f.planes]
