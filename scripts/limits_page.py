@@ -44,9 +44,10 @@ def page() -> str:
     for prefix, cls in SECTIONS.items():
         numbers = [info for info in table(cls) if info.kind in (int, float)]
         parts += [f"## {TITLES[prefix]}"]
-        for group in dict.fromkeys(_group(info) for info in numbers):
-            lines = [_line(f"{prefix}.{info.name}", info, rows) for info in numbers if _group(info) == group]
-            parts += [f"### `{prefix}{'.' + group if group else ''}`", "\n".join([HEAD, *lines])]
+        for group, section in dict.fromkeys((info.group, info.section) for info in numbers):
+            lines = [_line(f"{prefix}.{info.name}", info, rows) for info in numbers if info.group == group]
+            about = [f"{section[0].upper()}{section[1:]}."] if section else []
+            parts += [f"### `{prefix}{'.' + group if group else ''}`", *about, "\n".join([HEAD, *lines])]
     return "\n\n".join(parts) + "\n"
 
 
@@ -60,10 +61,6 @@ def _state(measured: dict[str, Any]) -> str:
     smaller = [row["size"] for row in rows if "size" in row]
     stars = "; ".join(f"{smaller.count(size)} in sessions of {size}" for size in dict.fromkeys(smaller))
     return f"Measured: {len(rows)} numbers, at commits {commits} ({measured['measured']}), each in as many sessions as its cells state. With a star: {stars or 'none'}."
-
-
-def _group(info: ParamInfo) -> str:
-    return info.name.rpartition(".")[0]
 
 
 def _line(name: str, info: ParamInfo, rows: dict[str, Any]) -> str:

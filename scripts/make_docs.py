@@ -8,6 +8,7 @@ import inspect
 import re
 import sys
 from importlib import import_module
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,10 +24,7 @@ if TYPE_CHECKING:
     from tof_core.config import ParamInfo
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
-CHANGES = (
-    "Parameters that begin with {} are set {}; the others can be changed while the node runs (`ros2 param set`) and are checked together. "
-    "Names are the same in `--set`, `--config` and `config/graph.yaml`."
-)
+CHANGES = "{}. Names are the same in `--set`, `--config` and `config/graph.yaml`."
 LIFE = (
     "A managed node. With `live.autostart` (the default) it configures and activates itself at the start; otherwise a lifecycle manager or `ros2 lifecycle set` does. "
     "It loads its files when it is configured. A failure leaves it unconfigured and appears in the diagnostics (level ERROR); correct the parameter "
@@ -64,7 +62,7 @@ def node_page(name: str) -> str:
         "## Services", _services(module),
         *(("## Actions", _actions(module)) if hasattr(module, "ACTIONS") else ()),
         "## Diagnostics", _diagnostics(text, managed=managed),
-        "## Parameters", CHANGES.format(", ".join(f"`{p}`" for p in fixed_of(module)), when),
+        "## Parameters", CHANGES.format(changes(fixed_of(module), module.CONFIG, when)),
         parameters(list(table(module.CONFIG))),
     ]  # fmt: skip
     return "\n\n".join(parts) + "\n"
@@ -129,6 +127,18 @@ SERVICES = {
 }
 
 
+RESETS = {
+    "preproc": "discard the running dwell, and forget stations and transforms",
+    "sim_label": "end the session and begin another: what was learnt of the robot and the camera is forgotten",
+    "infer": "discard the frames that wait",
+    "sensor": "discard the frames that wait; the next frame is the first of a session",
+    "correct": "discard the dwells; the reference is kept",
+    "inspect": "discard the dwells; the reference images are kept",
+    "gap": "forget the usual gap and the dwells: the next `watch.baseline` views define what is usual",
+}
+"""What `~/reset` of each node discards."""
+
+
 def services_of(module: Any) -> list[str]:
     """Names of the services that a node's source offers, the base node's included."""
     source = inspect.getsource(module) + inspect.getsource(import_module("tof_ros.base"))
@@ -137,7 +147,8 @@ def services_of(module: Any) -> list[str]:
 
 
 def _services(module: Any) -> str:
-    rows = [f"| `~/{name}` | {SERVICES[name]} |" for name in services_of(module)]
+    own = {"reset": RESETS[module.NAME]} if module.NAME in RESETS else {}
+    rows = [f"| `~/{name}` | {own.get(name) or SERVICES[name]} |" for name in services_of(module)]
     return "\n".join(
         [
             "All are `std_srvs/Trigger`; the message of the answer reports what was done, or why not.",
@@ -155,6 +166,14 @@ def fixed_of(module: Any) -> list[str]:
     return re.findall(r"\"([^\"]+)\"", found.group(1)) if found else []
 
 
+def changes(fixed: list[str], kind: type[Any], when: str) -> str:
+    """When the parameters of a node can be changed."""
+    if all(i.name.startswith(tuple(fixed)) for i in table(kind)):
+        return f"All parameters are set {when}"
+    named = ", ".join(f"`{p}`" for p in fixed)
+    return f"Parameters that begin with {named} are set {when}; the others can be changed while the node runs (`ros2 param set`) and are checked together"
+
+
 def _diagnostics(text: NodeText, *, managed: bool) -> str:
     from tof_ros.diagnostics import Tally
 
@@ -165,9 +184,15 @@ def _diagnostics(text: NodeText, *, managed: bool) -> str:
 
 
 def parameters(rows: list[ParamInfo]) -> str:
-    """A table of parameters."""
-    lines = [f"| `{i.name}` | {_default(i.default)} | {i.unit} | {bounds(i)} | {_cell(i.text)} |" for i in rows]
-    return "\n".join(["| parameter | default | unit | bounds | what |", "|---|---|---|---|---|", *lines])
+    """A table of parameters for each section, which says what its numbers are about."""
+    head = ["| parameter | default | unit | bounds | what |", "|---|---|---|---|---|"]
+    parts = []
+    for group, members in groupby(rows, key=lambda i: (i.group, i.section)):
+        name, about = group
+        lines = [f"| `{i.name}` | {_default(i.default)} | {i.unit} | {bounds(i)} | {_cell(i.text)} |" for i in members]
+        parts += [f"`{name}`{f': {about}' if about else ''}"] if name else []
+        parts += ["\n".join([*head, *lines])]
+    return "\n\n".join(parts)
 
 
 def _default(value: float | str) -> str:

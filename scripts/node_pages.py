@@ -55,7 +55,7 @@ VIEWS = [
     Topic(
         "`initialpose`",
         "geometry_msgs/PoseWithCovarianceStamped",
-        "RViz's 2D Pose Estimate, where TF does not know the cell: in the cell's frame where the body is, in another where the cell is. A pose without height and tilt keeps those of `live.initial_pose`, `placed_in` or the pose before; where there is none, height 0 of that frame is assumed, with a warning. The session begins anew",
+        "RViz's 2D Pose Estimate, if TF lacks the cell: in the cell's frame it is the pose of the robot's body, in any other frame the pose of the cell. A pose without height and tilt keeps those of `live.initial_pose`, `placed_in` or the pose before; without any of these, height 0 of that frame is assumed, with a warning. The session begins anew",
     ),
 ]
 
@@ -101,8 +101,8 @@ NODE_TEXTS = {
     "preproc": NodeText(
         short="accumulates and filters one camera's stream; every removed pixel keeps its reason",
         about="Accumulates the captures of one dwell (nothing moves) to a running view: mean or median over time, with outliers over time and in space, "
-        "flying pixels and grazing pixels removed. Publishes once per capture, with the capture's stamp, or less often (`live.view_every`): with 0 the last view of each dwell alone, "
-        "which is the same as without. A label is then made when the next view comes or after the `settle_s` of `sim_label`, and `~/propose` and `~/judge` see the last dwell that ended; `~/capture` ends one at once. While nobody is subscribed no view is computed.",
+        "flying pixels and grazing pixels removed. Publishes once per capture, with the capture's stamp, or less often (`live.view_every`): with 0 only the last view of each dwell, "
+        "with the same values. A label is then made when the next view comes or after the `settle_s` of `sim_label`, and `~/propose` and `~/judge` see the last dwell that ended; `~/capture` ends one at once. While nobody is subscribed no view is computed.",
         start=("toftwin node preproc --namespace spot", "ros2 run toftwin preproc --ros-args -r __ns:=/spot -p preproc.sor.enable:=false"),
         outputs={
             "depth": "running view, metres along z, NaN invalid (32FC1)",
@@ -149,7 +149,7 @@ NODE_TEXTS = {
     "infer": NodeText(
         short="corrects the depth of each frame with the trained network; uncertain pixels keep the raw depth",
         about="Publishes one corrected frame per frame, with the frame's stamp. A network that was trained for another camera, or for other ranges, refuses. While nobody is subscribed the network runs once a second, for the diagnostics.",
-        start=("toftwin node infer", "ros2 run toftwin infer --ros-args -p infer.model:=out/model.onnx"),
+        start=("toftwin node infer --param infer.infer.model=camera.onnx", "ros2 run toftwin infer --ros-args -p infer.model:=camera.onnx"),
         outputs={
             "depth": "corrected depth, metres along z (32FC1)",
             "sigma": "its standard deviation, metres; infinite where the raw depth is kept (32FC1)",
@@ -179,8 +179,9 @@ NODE_TEXTS = {
     "correct": NodeText(
         short="proposes, on request, the pose of the hand at which the next view equals the reference view",
         about="`~/capture_reference` stores the last dwell as the reference (in the file `live.reference`, if given). `~/propose` registers the last dwell to the reference, and to the CAD if "
-        "`live.scene` names one. The node proposes and does not move the robot. Only if `live.connect` names the arm's topic (spot_ros2: `arm_pose_commands`) is an "
-        "accepted target sent there, in `body`, `odom` or `vision` without the robot's prefix, for the frame `hand`. It refuses, with the reason: an old view, "
+        "`live.scene` names one. With a reference and a scene there are two proposals; that of the reference is published as `correction/pose`, and that of the CAD stands beside it in `correction/proposal`. The node moves nothing. Only if `live.connect` names the arm's topic (spot_ros2: `arm_pose_commands`) is an "
+        "accepted or partial target sent there, in `body`, `odom` or `vision` without the robot's prefix; it is refused if TF has no frame `hand` (or `PREFIX/hand`). **Nothing checks the path or the target for collisions, joint limits or speed**: the limits "
+        "are the step (`correct.limits.step_*`) and the target's place about the body (`reach_m`, `low_m`). The driver and you are responsible for the rest. The node refuses, with the reason: an old view, "
         "a robot that has moved since, low support, a step or a target beyond the limits, two dwells that disagree. Along directions that the view does not "
         "determine nothing moves (verdict `partial`). A second command during the first is refused, not queued.",
         start=(
@@ -188,7 +189,7 @@ NODE_TEXTS = {
             "ros2 run toftwin correct --ros-args -p live.reference:=out/first",
         ),
         outputs={
-            "pose": "target of the hand in `live.frame` (default: the body), with covariance; only of an accepted proposal",
+            "pose": "target of the hand in `live.frame` (default: the body), with covariance; of the reference where there is one, else of the CAD; only if accepted or partial",
             "delta": "the same as a motion of the hand in its own axes",
             "verdict": "one status for the reference, one for the CAD: OK accepted, WARN partial, ERROR refused, with every figure as text; ends with the next release",
         },
@@ -198,7 +199,7 @@ NODE_TEXTS = {
     "inspect": NodeText(
         short="decides, on request, for every part: present, absent, displaced or not observable",
         about="`~/judge` solves the poses of the last dwells together and tests every part that the scene marks `inspect: true`. "
-        "`~/capture_reference`, called while the scene is complete, keeps the colour images of the last dwells in memory; from then on colour is used beside depth. "
+        "`~/capture_reference`, called while the scene is complete, keeps the colour images of the last `live.views` dwells in memory, until the node ends; from then on colour is used beside depth. "
         "With `live.out` each call writes inspection.json and inspection.html.",
         start=(
             "toftwin node preproc inspect --scene cell/scene.yaml",

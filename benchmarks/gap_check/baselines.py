@@ -63,7 +63,7 @@ def session(bag: Path) -> tuple[ColumnStore, list[Float]]:
 
 def least_squares(store: ColumnStore, residual: list[Float]) -> str:
     """The one effect whose columns explain most of what ICP left."""
-    from tof_gap.limits.seen import NoiseLimits
+    from tof_gap.limits.noise import NoiseLimits
     from tof_gap.solve.candidates import candidates
 
     scene = store.views[0].frame.context.caster.scene  # type: ignore[union-attr]

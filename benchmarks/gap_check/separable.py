@@ -118,7 +118,7 @@ VISIBLE = 60.0
 def _left(truth: Truth, effect: str, others: tuple[str, ...]) -> dict[str, float] | None:
     """Chi-square of the true map: whole (`all`), after pose (an empty name), and after pose and each other effect's best shape."""
     from tof_gap.config import GapConfig
-    from tof_gap.limits.seen import NoiseLimits
+    from tof_gap.limits.noise import NoiseLimits
     from tof_gap.solve.candidates import candidates
     from tof_gap.solve.columns import build
 

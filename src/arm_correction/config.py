@@ -14,7 +14,7 @@ class RegisterConfig:
     """Registration of one depth image to another."""
 
     pixels: int = param(8000, "pixels of the view that are used, on a raster", low=500)
-    coarse_pixels: int = param(500, "the same while searching", low=100)
+    coarse_pixels: int = param(500, "pixels of the view that are used while searching", low=100)
     window: int = param(2, "a normal is fitted over 2 n + 1 pixels each way", unit="px", low=1, high=8)
     reach_mm: float = param(330.0, "largest translation of the camera from the wanted pose", unit="mm", low=1.0)
     reach_deg: float = param(17.0, "largest rotation of the camera from the wanted pose", unit="deg", low=0.1)
@@ -54,8 +54,10 @@ class LimitConfig:
     moved_mm: float = param(1.0, "refused if the hand has moved since the view by more than this", unit="mm", low=0.01)
     moved_deg: float = param(0.1, "or rotated by more than this", unit="deg", low=0.001)
     disagree_sigma: float = param(4.0, "two dwells disagree if they differ by more than this many of their sigmas", low=1.0)
-    disagree_mm: float = param(1.5, "and by more than this translation", unit="mm", low=0.01)
-    disagree_deg: float = param(0.15, "or this rotation", unit="deg", low=0.001)
+    disagree_mm: float = param(
+        1.5, "and if their translations differ by more than this, or their rotations by more than disagree_deg", unit="mm", low=0.01
+    )
+    disagree_deg: float = param(0.15, "least difference of rotation at which two dwells may disagree", unit="deg", low=0.001)
 
 
 @dataclass(frozen=True, slots=True)

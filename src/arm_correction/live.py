@@ -30,7 +30,7 @@ class LiveConfig(ColourViewOptions):
     )
     sensor: str = param("", "sensor.yaml of the camera: its effects are removed before a view is compared with the CAD; empty: none")
     frame: str = param("", "TF frame in which targets are given; empty: the body")
-    hand_frame: str = param("", "TF frame that the arm moves to the target; empty: 'hand', else the camera itself")
+    hand_frame: str = param("", "TF frame that reaches the target; empty: 'hand' (or 'PREFIX/hand'), and if TF has none the camera's")
     connect: str = param("", "topic to which accepted proposals are sent, such as arm_pose_commands: the arm then moves; empty: none")
 
 

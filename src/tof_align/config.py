@@ -90,12 +90,18 @@ class DiscrepancyConfig:
     """Smooth errors of the camera that no effect describes; their size is estimated from the data."""
 
     enabled: bool = param(True, "estimate smooth errors that neighbours and views share")
-    start_mm: float = param(1.0, "size at the start of the estimate", unit="mm", low=1e-3, why="usual bias is millimetres")
-    part_start_mm: float = param(
-        0.2, "the same for the motion of a part", unit="mm", low=1e-3, why="errors of all pixels are tried before a part is moved"
+    start_mm: float = param(
+        1.0, "size of an unmodelled error at the start of the estimate", unit="mm", low=1e-3, why="usual bias is millimetres"
     )
-    floor_mm: float = param(0.01, "least size", unit="mm", low=1e-5, why="below any effect")
-    ceiling_mm: float = param(30.0, "largest size", unit="mm", low=0.1, why="beyond, the scene is wrong")
+    part_start_mm: float = param(
+        0.2,
+        "size of a part's motion at the start of the estimate",
+        unit="mm",
+        low=1e-3,
+        why="errors of all pixels are tried before a part is moved",
+    )
+    floor_mm: float = param(0.01, "least size of an unmodelled error", unit="mm", low=1e-5, why="below any effect")
+    ceiling_mm: float = param(30.0, "largest size of an unmodelled error", unit="mm", low=0.1, why="beyond, the scene is wrong")
     range_m: float = param(
         0.12, "correlation length of errors that depend on range", unit="m", low=0.01, why="a third of a wiggle period at 100 MHz"
     )

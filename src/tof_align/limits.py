@@ -42,7 +42,9 @@ class ApproachLimits:
     start_residual_mm: float = param(
         150.0, "residual at which that score saturates", unit="mm", low=1.0, why="the answer is that far from the nearest trial"
     )
-    start_kernel_mm: float = param(60.0, "kernel of those descents", unit="mm", low=1.0, why="starts lie centimetres from the answer")
+    start_kernel_mm: float = param(
+        60.0, "width of the kernel of the descents from the best trials", unit="mm", low=1.0, why="starts lie centimetres from the answer"
+    )
     better: float = param(
         0.95, "ratio of scores below which another start replaces the present one", low=0.1, high=1.0, why="noise of a score"
     )
@@ -60,8 +62,8 @@ class SharedLimits:
 
     block: int = param(6, "side of a block of raster pixels", low=2, high=64, why="unmodelled errors are a few raster pixels wide")
     block_share: float = param(0.5, "share of a block that must be seen", low=0.0, high=1.0, why="a sum over fewer is mostly noise")
-    blocks: int = param(6, "blocks of a view", low=2, why="a variance of fewer is not known to a factor of two")
-    least: float = param(0.1, "least variance factor", low=1e-6, why="stated noise is at most three times too large")
+    blocks: int = param(6, "least blocks of a view", low=2, why="a variance of fewer is not known to a factor of two")
+    least: float = param(0.1, "least factor of the stated noise variance", low=1e-6, why="stated noise is at most three times too large")
     measured: float = param(
         0.05,
         "share of a fitted function of range or amplitude that is wrong",

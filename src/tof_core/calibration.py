@@ -96,9 +96,11 @@ class Modulation:
         why="as the data sheet states",
     )
     second_mhz: float = param(
-        0.0, "second one, of a camera that merges several", unit="MHz", low=0.0, high=400.0, why="as the data sheet states"
+        0.0, "second modulation frequency, of a camera that merges several", unit="MHz", low=0.0, high=400.0, why="as the data sheet states"
     )
-    third_mhz: float = param(0.0, "third one", unit="MHz", low=0.0, high=400.0, why="as the data sheet states")
+    third_mhz: float = param(
+        0.0, "third modulation frequency, of a camera that merges three", unit="MHz", low=0.0, high=400.0, why="as the data sheet states"
+    )
 
     @property
     def stated(self) -> tuple[float, ...]:

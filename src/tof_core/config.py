@@ -50,7 +50,7 @@ def section(factory: type[C], text: str = "") -> C:
 
 @dataclass(frozen=True, slots=True)
 class ParamInfo:
-    """One row of the table: a parameter's dotted name, type, default, meaning, unit, bounds and reason."""
+    """One row of the table: a parameter's dotted name, type, default, meaning, unit, bounds and reason, and what its section holds."""
 
     name: str
     kind: type
@@ -61,6 +61,17 @@ class ParamInfo:
     high: float | None
     choices: tuple[str, ...]
     why: str = ""
+    section: str = ""
+
+    @property
+    def meaning(self) -> str:
+        """The meaning where the parameter stands alone: that of the section first."""
+        return f"{self.section}: {self.text}" if self.section else self.text
+
+    @property
+    def group(self) -> str:
+        """The dotted name of its section; empty at the top."""
+        return self.name.rpartition(".")[0]
 
 
 def table(cls: type[Any], prefix: str = "") -> tuple[ParamInfo, ...]:
@@ -73,15 +84,15 @@ def _table(cls: Any, prefix: str) -> tuple[ParamInfo, ...]:
     return tuple(_rows(cls(), prefix))
 
 
-def _rows(config: Any, prefix: str) -> Iterator[ParamInfo]:
-    """The rows of one configuration, with its values as defaults: a section may differ from its class's defaults."""
+def _rows(config: Any, prefix: str, about: str = "") -> Iterator[ParamInfo]:
+    """The rows of one configuration, with its values as defaults: a section may differ from its class's defaults. about: what it holds."""
     hints = _hints(cast("Any", type(config)))
     for f in fields(config):
         value = getattr(config, f.name)
         if is_dataclass(value):
-            yield from _rows(value, f"{prefix}{f.name}.")
+            yield from _rows(value, f"{prefix}{f.name}.", f.metadata.get("text", ""))
         else:
-            yield _info(f, hints[f.name], value, prefix)
+            yield _info(f, hints[f.name], value, prefix, about)
 
 
 @cache
@@ -89,7 +100,7 @@ def _hints(cls: Any) -> dict[str, Any]:
     return get_type_hints(cls)
 
 
-def _info(f: Field[Any], kind: type, value: Any, prefix: str = "") -> ParamInfo:
+def _info(f: Field[Any], kind: type, value: Any, prefix: str = "", about: str = "") -> ParamInfo:
     m = f.metadata
     return ParamInfo(
         prefix + f.name,
@@ -101,6 +112,7 @@ def _info(f: Field[Any], kind: type, value: Any, prefix: str = "") -> ParamInfo:
         m.get("high"),
         m.get("choices", ()),
         m.get("why", ""),
+        about,
     )
 
 

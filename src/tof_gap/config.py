@@ -10,9 +10,10 @@ import numpy as np
 
 from tof_core.calibration import Calibration
 from tof_core.config import param, section
+from tof_gap.limits.evidence import EvidenceLimits, WorldEvidence
 from tof_gap.limits.missing import MissingLimits
+from tof_gap.limits.noise import NoiseLimits
 from tof_gap.limits.report import ReportLimits
-from tof_gap.limits.seen import EvidenceLimits, NoiseLimits, WorldEvidence
 from tof_gap.limits.solve import SelectLimits, SolveLimits
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ import numpy as np
 from tof_core.config import param, section
 from tof_core.errors import RefusedError
 from tof_core.stats import blocks
-from tof_gap.limits.seen import EvidenceLimits
+from tof_gap.limits.evidence import EvidenceLimits
 from tof_gap.seen.residual import gather
 from tof_scene.render import render
 from tof_sensor.geometry import pose_columns
@@ -53,8 +53,8 @@ class WatchConfig:
     block_px: int = param(
         16, "side of a block of pixels with a common error", unit="px", low=2, high=256, why="neighbours share errors, blocks less so"
     )
-    block_pixels: int = param(40, "pixels of a block", low=1, why="a sixth of the block; its mean is known to a sixth of the noise")
-    blocks: int = param(6, "blocks of a view", low=2, why="the pose has six unknowns")
+    block_pixels: int = param(40, "least pixels of a block", low=1, why="a sixth of the block; its mean is known to a sixth of the noise")
+    blocks: int = param(6, "least blocks of a view", low=2, why="the pose has six unknowns")
     evidence: EvidenceLimits = section(EvidenceLimits, "which pixels count")
 
     @property

@@ -62,8 +62,8 @@ class IqrConfig:
     method: str = param(
         "tukey", "tukey: beyond fences outside the quantiles; paper: outside the band between them", choices=("tukey", "paper")
     )
-    low: float = param(0.2, "lower quantile", low=0.0, high=0.5)
-    high: float = param(0.8, "upper quantile", low=0.5, high=1.0)
+    low: float = param(0.2, "lower quantile of a pixel's captures", low=0.0, high=0.5)
+    high: float = param(0.8, "upper quantile of a pixel's captures", low=0.5, high=1.0)
     fence: float = param(1.5, "distance of the fences from the quantiles, in widths of the band", low=0.0, high=100.0)
     min_captures: int = param(5, "with fewer captures the stage is skipped", low=2, high=256)
 
@@ -78,7 +78,7 @@ class Sigma3Config:
         "robust: from the median, deviation by MAD but no less than the expected noise; paper: from the mean, by the standard deviation",
         choices=("robust", "paper"),
     )
-    ratio: float = param(3.0, "standard deviations", low=0.5, high=20.0)
+    ratio: float = param(3.0, "a capture farther from the mean than this many standard deviations is rejected", low=0.5, high=20.0)
     min_captures: int = param(3, "with fewer captures the stage is skipped", low=2, high=256)
 
 

@@ -24,7 +24,7 @@ C = TypeVar("C")
 def descriptor(info: config.ParamInfo, *, read_only: bool = False) -> ParameterDescriptor:
     """What `ros2 param describe` shows of one row of the table."""
     unit = f" [{info.unit}]" if info.unit else ""
-    out = ParameterDescriptor(name=info.name, description=info.text + unit, read_only=read_only, dynamic_typing=True)
+    out = ParameterDescriptor(name=info.name, description=info.meaning + unit, read_only=read_only, dynamic_typing=True)
     if info.choices:
         out.additional_constraints = "one of " + ", ".join(info.choices)
     if info.low is not None or info.high is not None:
@@ -106,7 +106,7 @@ def parameter_yaml(name: str, cls: type[Any]) -> str:
     lines = [f"/**/{name}:", "  ros__parameters:"]
     for info in config.table(cls):
         unit = f" [{info.unit}]" if info.unit else ""
-        lines += [f"    # {info.text}{unit}", f"    {info.name}: {_yaml(info.default)}"]
+        lines += [f"    # {info.meaning}{unit}", f"    {info.name}: {_yaml(info.default)}"]
     return "\n".join(lines) + "\n"
 
 

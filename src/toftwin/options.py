@@ -184,7 +184,7 @@ def _parse(kind: type, text: str, key: str) -> bool | int | float | str:
 
 def settings_text(cls: type[Any]) -> str:
     """Every setting of a configuration class, one line each."""
-    return "\n".join(f"{info.name} = {_value(info.default)}{_bounds(info)}  {info.text}{_reason(info)}" for info in config.table(cls))
+    return "\n".join(f"{info.name} = {_value(info.default)}{_bounds(info)}  {info.meaning}{_reason(info)}" for info in config.table(cls))
 
 
 def _reason(info: config.ParamInfo) -> str:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Ints
     from tof_core.camera import Camera
     from tof_core.capture import View
-    from tof_gap.limits.seen import LevelLimits
+    from tof_gap.limits.evidence import LevelLimits
     from tof_scene.scene import Scene
 
 BETTER = 0.8

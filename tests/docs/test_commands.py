@@ -52,7 +52,7 @@ PARSED_ONLY = {
 ELSEWHERE = {
     r"docker ": "no container engine here; tests/docker holds files and calls together",
     r"DATA=": "as docker",
-    r"ros2 bag": "needs a ROS installation",
+    r"ros2 (bag|service)": "needs a ROS installation",
     r"(source|\.|cd|rosdep|python -m colcon) ": "needs a ROS installation; what ran where is said in ros_ws/README.md",
 }
 """Lines of other tools that cannot be run here."""

@@ -32,7 +32,11 @@ class Whole:
 def test_the_table_has_a_row_with_all_facts_for_every_value() -> None:
     rows = {r.name: r for r in table(Whole)}
     assert list(rows) == ["gate.enable", "gate.speed", "strict.enable", "strict.speed", "count", "method"]
-    assert rows["gate.speed"] == ParamInfo("gate.speed", float, 10.0, "faster than this is moving", "mm/s", 0.0, 100.0, ())
+    assert rows["gate.speed"] == ParamInfo(
+        "gate.speed", float, 10.0, "faster than this is moving", "mm/s", 0.0, 100.0, (), section="the motion gate"
+    )
+    assert rows["gate.speed"].meaning == "the motion gate: faster than this is moving"
+    assert (rows["gate.speed"].group, rows["count"].group, rows["count"].meaning) == ("gate", "", "captures")
     assert rows["strict.speed"].default == 1.0
     assert rows["method"].choices == ("mean", "median")
 

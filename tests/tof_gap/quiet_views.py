@@ -13,7 +13,7 @@ from tof_align.chain import Chain
 from tof_align.config import Priors
 from tof_core.camera import Camera
 from tof_core.capture import Capture, View
-from tof_gap.limits.seen import EvidenceLimits
+from tof_gap.limits.evidence import EvidenceLimits
 from tof_gap.seen.residual import ViewEvidence, gather
 from tof_scene.render import Rendering
 

@@ -17,7 +17,7 @@ from tof_align.chain import Chain
 from tof_core.capture import Capture, View
 from tof_gap.advice import advise, visible_share
 from tof_gap.config import GapConfig
-from tof_gap.limits.seen import EvidenceLimits
+from tof_gap.limits.evidence import EvidenceLimits
 from tof_gap.seen.residual import gather
 from tof_gap.solve.candidate import Candidate
 from tof_scene.render import render

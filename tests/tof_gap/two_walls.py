@@ -11,7 +11,7 @@ from scipy.ndimage import uniform_filter
 
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, rendering
 from tof_core.capture import Capture, View
-from tof_gap.limits.seen import EvidenceLimits
+from tof_gap.limits.evidence import EvidenceLimits
 from tof_gap.seen.residual import gather
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import pytest
 
 from tests.toftwin.test_board import BOARD, captures
 from tof_core.camera import radial_to_z
-from tof_gap.limits.seen import LevelLimits
+from tof_gap.limits.evidence import LevelLimits
 from tof_sensor.effects.z_conversion import ZConversion
 from toftwin.boarded import BoardSession, board_session
 from toftwin.z_table import READINGS, Reading, converted, reading

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every number that decides in the diagnosis: name, default, unit, bounds, meaning and reason, one file per room."""
+"""Every number that decides in the diagnosis: name, default, unit, bounds, meaning and reason, a file for each subject."""

@@ -38,7 +38,7 @@ class BeatLimits:
         high=1.0,
         why="less than half is a part of another structure: 0.22 beside multipath that is too small to be named",
     )
-    cells: int = param(100, "cells of a view", low=20, why="the smooth field has ten terms")
+    cells: int = param(100, "least cells of a view", low=20, why="the smooth field has ten terms")
     cosine: float = param(0.1, "least cosine of incidence", low=1e-3, high=1.0, why="grazing surfaces would outweigh all")
     ridge: float = param(1e-3, "ridge of the fitted waves, of the mean diagonal", low=0.0, why="neighbouring waves are nearly alike")
 
@@ -56,7 +56,7 @@ class CapturesLimits:
     share: float = param(
         0.5, "share of the dwells that step", low=0.0, high=1.0, why="of two or three captures, some have nearly the same phase by chance"
     )
-    dwells: int = param(3, "dwells that step", low=1, why="one or two may have been bumped")
+    dwells: int = param(3, "least number of dwells whose captures step", low=1, why="one or two may have been bumped")
     of_light: float = param(
         0.5,
         "share of that variance beyond the neighbours' that goes with range^2 / cos(incidence), beside what a hand that sways makes",
@@ -115,7 +115,11 @@ class ForeignLightLimits:
     )
     field_chi2: float = param(100.0, "chi-square that the field of a view explains", low=0.0, why="by chance, thirteen terms explain 13")
     field_mm: float = param(
-        0.2, "RMS of such a field", unit="mm", low=0.0, why="healthy emerging cameras leave 0.05, foreign light of 2 mm 0.3"
+        0.2,
+        "least RMS of the smooth field of a view",
+        unit="mm",
+        low=0.0,
+        why="healthy emerging cameras leave 0.05, foreign light of 2 mm 0.3",
     )
     field_share: float = param(
         0.1, "the same, over the size of the named effects", low=0.0, high=1.0, why="maps are not exact: wiggling of 4.3 mm leaves 0.26 mm"
@@ -157,7 +161,7 @@ class ForeignLampLimits:
     """When fringes show where another camera's lamp stands."""
 
     rows: int = param(16, "rows of cells that are averaged", low=4, high=999, why="fringes are a quarter of the image wide, or wider")
-    cells: int = param(60, "cells of a view", low=20, why="smooth field and waves have eleven terms")
+    cells: int = param(60, "least cells of a view", low=20, why="smooth field and waves have eleven terms")
     rough_mm: float = param(0.2, "error of a cell's mean beside its noise", unit="mm", low=0.0, why="errors of the other effects' maps")
     chi2: float = param(1.2, "chi-square per cell beside smooth fields from which a lamp is looked for", low=0.0, why="chance: 1")
     share: float = param(
@@ -179,7 +183,7 @@ class ForeignLampLimits:
     )
     view_chi2: float = param(50.0, "chi-square (4 degrees of freedom) of a view that has the light", low=0.0, why="beyond any chance")
     view_share: float = param(0.03, "the same, over that of the strongest view", low=0.0, high=1.0, why="other views share a weak pattern")
-    views: int = param(3, "views with the light", low=1, why="one or two may be another kind of scene")
+    views: int = param(3, "least number of views with the light", low=1, why="one or two may be another kind of scene")
 
 
 @dataclass(frozen=True, slots=True)

@@ -153,7 +153,7 @@ class UnexplainedLimits:
     part_share: float = param(0.1, "share of the unexplained energy of a part that is reported", low=0.0, high=1.0, why="brevity")
     parts: int = param(4, "parts that are reported", low=1, why="brevity")
     quantity_share: float = param(0.1, "the same of a quantity's bin means", low=0.0, high=1.0, why="brevity")
-    quantity_bins: int = param(3, "bins of such a quantity", low=2, why="two show no dependence")
+    quantity_bins: int = param(3, "least bins of a quantity that the gap depends on", low=2, why="two show no dependence")
     quantities: int = param(4, "quantities that are reported", low=1, why="brevity")
 
 

@@ -54,7 +54,7 @@ class JointLimits:
     near_mm: float = param(
         2.0, "step of a camera below which nothing is rendered again", unit="mm", low=1e-3, why="columns change by less than noise"
     )
-    near_deg: float = param(0.2, "the same, rotation", unit="deg", low=1e-4, why="2 mm at 0.6 m")
+    near_deg: float = param(0.2, "turn of a camera below which nothing is rendered again", unit="deg", low=1e-4, why="2 mm at 0.6 m")
     lens_px: float = param(
         0.3,
         "difference of two lenses below which nothing is rendered again",

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Float, Mask
-    from tof_gap.limits.seen import NoiseLimits
+    from tof_gap.limits.noise import NoiseLimits
     from tof_gap.seen.photons import LawFit
     from tof_gap.seen.residual import ViewEvidence
     from tof_sensor.session import NoiseBins

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Float, Image, Ints, Mask
-    from tof_gap.limits.seen import CorrelationLimits
+    from tof_gap.limits.evidence import CorrelationLimits
 
 WIDTHS_PX = np.arange(1, 8)
 """Pixels: widths of averaging windows; 1 is independent noise."""

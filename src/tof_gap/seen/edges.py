@@ -14,7 +14,7 @@ from tof_sensor.geometry import image_flow
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Mask
-    from tof_gap.limits.seen import BlurLimits, EvidenceLimits
+    from tof_gap.limits.evidence import BlurLimits, EvidenceLimits
     from tof_sensor.frame import Frame
 
 STEEPEST = 1.4

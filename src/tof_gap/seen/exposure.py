@@ -11,7 +11,7 @@ from tof_gap.seen.photons import rises, trends
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float
-    from tof_gap.limits.seen import NoiseLimits
+    from tof_gap.limits.noise import NoiseLimits
     from tof_gap.seen.photons import LawFit
     from tof_sensor.session import NoiseBins
 

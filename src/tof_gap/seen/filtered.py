@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Image, Mask
-    from tof_gap.limits.missing import FilterLimits, MissingLimits
+    from tof_gap.limits.filters import FilterLimits
+    from tof_gap.limits.missing import MissingLimits
     from tof_gap.seen.residual import ViewEvidence
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Float, Ints, Mask
-    from tof_gap.limits.seen import LevelLimits
+    from tof_gap.limits.evidence import LevelLimits
     from tof_gap.seen.correlation import NoiseCorrelation
 
 DARK = 1e-12

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Float
-    from tof_gap.limits.seen import LineLimits
+    from tof_gap.limits.noise import LineLimits
     from tof_gap.seen.residual import ViewEvidence
 
 

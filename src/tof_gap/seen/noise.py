@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
     from tof_core.arrays import Float, Mask
-    from tof_gap.limits.seen import NoiseLimits
+    from tof_gap.limits.noise import NoiseLimits
     from tof_gap.seen.line_noise import LineNoise
     from tof_gap.seen.pattern import PixelOffsets
     from tof_gap.seen.photons import LawFit

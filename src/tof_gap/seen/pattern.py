@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from tof_core.arrays import Float, Ints
-    from tof_gap.limits.seen import PatternLimits
+    from tof_gap.limits.evidence import PatternLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_sensor.effects.fixed_pattern import FixedPattern
 

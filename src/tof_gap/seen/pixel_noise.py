@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from tof_core.arrays import Float, Ints, Mask
-    from tof_gap.limits.seen import PixelLimits
+    from tof_gap.limits.noise import PixelLimits
     from tof_gap.seen.residual import ViewEvidence
 
 BANDS = 16

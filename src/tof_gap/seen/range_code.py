@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float
     from tof_core.capture import View
-    from tof_gap.limits.seen import CodeLimits
+    from tof_gap.limits.evidence import CodeLimits
     from tof_gap.seen.residual import ViewEvidence
 
 CELL_M = 5e-5

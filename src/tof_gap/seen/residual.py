@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float, Image, Ints, Mask
     from tof_core.capture import View
-    from tof_gap.limits.seen import EvidenceLimits, LevelLimits
+    from tof_gap.limits.evidence import EvidenceLimits, LevelLimits
     from tof_gap.seen.correlation import NoiseCorrelation
     from tof_scene.raycast import Raycaster
     from tof_scene.render import Rendering

@@ -14,7 +14,7 @@ from tof_sensor.session import Session, SessionView
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_gap.limits.seen import NoiseLimits
+    from tof_gap.limits.noise import NoiseLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_scene.scene import Scene
     from tof_sensor.effects.photon_law import PhotonLaw

@@ -12,7 +12,7 @@ from tof_gap.seen.photons import binned, code_step
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_gap.limits.seen import NoiseLimits
+    from tof_gap.limits.noise import NoiseLimits
     from tof_gap.seen.residual import ViewEvidence
 
 

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from tof_core.arrays import Float
+    from tof_gap.limits.noise import NoiseLimits
     from tof_gap.limits.report import UnexplainedLimits
-    from tof_gap.limits.seen import NoiseLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.tell.account import Account
 

@@ -18,7 +18,7 @@ from tof_sensor.effects.noise import Noise
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_gap.limits.seen import NoiseLimits
+    from tof_gap.limits.noise import NoiseLimits
     from tof_gap.seen.residual import ViewEvidence
 
 OF_PIXELS = "of single pixels"

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Mask
-    from tof_gap.limits.missing import FilterLimits
+    from tof_gap.limits.filters import FilterLimits
     from tof_gap.seen.finding import Finding
 
 

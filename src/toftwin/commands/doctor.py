@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "bag",
         nargs="?",
         metavar="BAG",
-        help="folder of the bag, or its .mcap or .db3 file, or a folder of PNG pairs; without it only this host is checked",
+        help="folder of the bag, or its .mcap or .db3 file, or a folder of PNG pairs; without it this host alone, and --scene",
     )
     parser.add_argument("--live", action="store_true", help="check the topics that are published now in this ROS_DOMAIN_ID, with their QoS")
     parser.add_argument(

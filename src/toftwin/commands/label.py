@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--mode",
         choices=("final", "causal", "per_view", "robot"),
         help=(
-            "source of the camera poses. final: one solution of the whole session, for training; causal: each from the views before it, "
+            "source of the camera poses, in place of the setting align.mode. final: one solution of the whole session (align.mode: session), for training; causal: each from the views before it, "
             "as live; per_view: each view on its own, as in the paper; robot: TF, or the corners of --board, alone (default: final; with --board robot)"
         ),
     )

@@ -61,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--adapt",
         metavar="MODEL",
-        help="adapt this network (.onnx of any camera; default: the one in the package) instead of training from the beginning",
+        help="adapt this network (.onnx of any camera, or 'default': the one in the package) instead of training from the beginning",
     )
     parser.add_argument(
         "--unseen",

@@ -12,7 +12,7 @@ import pytest
 from tests.tof_gap import two_walls
 from tests.tof_gap.quiet_views import SHAPE, VIEWS
 from tests.tof_gap.two_walls import NOISE_M
-from tof_gap.limits.seen import NoiseLimits
+from tof_gap.limits.noise import NoiseLimits
 from tof_gap.seen.between_captures import as_captures_step, stepping_captures
 from tof_gap.seen.finding import Finding
 from tof_gap.seen.noise import noise_effects

@@ -14,7 +14,7 @@ from tests.tof_gap.quiet_views import CAMERA, rendering, views
 from tof_core.capture import Capture, View
 from tof_core.reasons import Reason
 from tof_gap.config import GapConfig
-from tof_gap.limits.seen import CorrelationLimits, EvidenceLimits
+from tof_gap.limits.evidence import CorrelationLimits, EvidenceLimits
 from tof_gap.seen.correlation import INDEPENDENT, NoiseCorrelation, noise_correlation
 from tof_gap.seen.line_noise import line_noise, line_noise_by_view
 from tof_gap.seen.noise import beside_lines, lines_found, noise_effects

@@ -12,8 +12,9 @@ import pytest
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, views
 from tof_core.config import updated
 from tof_core.reasons import Reason
+from tof_gap.limits.evidence import LevelLimits
 from tof_gap.limits.missing import MissingLimits
-from tof_gap.limits.seen import LevelLimits, NoiseLimits
+from tof_gap.limits.noise import NoiseLimits
 from tof_gap.seen.level import depth_step, noise_level
 from tof_gap.seen.line_noise import line_map, line_noise
 from tof_gap.seen.lost import _lost_below, brightest, least_light, losses_of, lost, outliers_removed

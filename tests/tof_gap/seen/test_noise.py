@@ -10,7 +10,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, SIGMA_M, VIEWS, rendering, views
-from tof_gap.limits.seen import EvidenceLimits, LevelLimits, NoiseLimits
+from tof_gap.limits.evidence import EvidenceLimits, LevelLimits
+from tof_gap.limits.noise import NoiseLimits
 from tof_gap.seen.bursts import _stand_out
 from tof_gap.seen.detected import judged
 from tof_gap.seen.exposure import exposed

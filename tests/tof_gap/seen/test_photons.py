@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, SIGMA_M, VIEWS, views
-from tof_gap.limits.seen import NoiseLimits
+from tof_gap.limits.noise import NoiseLimits
 from tof_gap.seen.photons import as_captures_differ, between_ratio, binned, constant_beside_range, constant_part, fit_law, over_law
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.session import NoiseBins

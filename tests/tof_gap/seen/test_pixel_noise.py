@@ -10,7 +10,7 @@ import pytest
 from scipy.ndimage import uniform_filter
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
-from tof_gap.limits.seen import NoiseLimits, PixelLimits
+from tof_gap.limits.noise import NoiseLimits, PixelLimits
 from tof_gap.seen.noise import noise_effects, pixels_found
 from tof_gap.seen.pattern import beside_pixels, single_pixels
 from tof_gap.seen.pixel_noise import halves_agree, noisy_pixels

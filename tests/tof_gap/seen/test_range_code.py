@@ -11,7 +11,8 @@ import pytest
 
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, rendering, views
 from tof_core.capture import Capture, View
-from tof_gap.limits.seen import CodeLimits, NoiseLimits
+from tof_gap.limits.evidence import CodeLimits
+from tof_gap.limits.noise import NoiseLimits
 from tof_gap.seen.noise import noise_effects
 from tof_gap.seen.range_code import range_step, steps_along_ray
 from tof_sensor.effects.quantization import Quantization

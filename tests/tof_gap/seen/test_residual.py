@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, rendering, views
-from tof_gap.limits.seen import BlurLimits, EvidenceLimits
+from tof_gap.limits.evidence import BlurLimits, EvidenceLimits
 from tof_gap.seen.edges import edge_band, excluded, smear, streaks
 from tof_gap.seen.residual import compact, gather, with_codes, without_geometry
 from tof_sensor.frame import Context, Frame, ideal_frame

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
-from tof_gap.limits.seen import NoiseLimits
+from tof_gap.limits.noise import NoiseLimits
 from tof_gap.seen.correlation import INDEPENDENT, NoiseCorrelation
 from tof_gap.seen.photons import binned
 from tof_gap.seen.whole_average import wholly_averaged

@@ -13,7 +13,7 @@ from tests.tof_gap.quiet_views import SHAPE, views
 from tof_core.camera import Camera
 from tof_core.capture import View
 from tof_core.reasons import Reason
-from tof_gap.limits.seen import WorldEvidence
+from tof_gap.limits.evidence import WorldEvidence
 from tof_gap.seen import world
 from tof_gap.seen.world import without_world, world_of
 from tof_scene.world.surprises import ABSENT, BEFORE, BEHIND, DISPLACED, NONE, OBJECT, Surprises

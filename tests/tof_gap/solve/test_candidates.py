@@ -10,7 +10,7 @@ import pytest
 
 from tests.tof_gap.quiet_views import views
 from tests.tof_scene.solids import scene, wall
-from tof_gap.limits.seen import NoiseLimits
+from tof_gap.limits.noise import NoiseLimits
 from tof_gap.solve.candidate import Candidate
 from tof_gap.solve.candidates import candidates
 from tof_sensor.effects.amplitude_bias import AmplitudeBias

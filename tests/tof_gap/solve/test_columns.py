@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from tests.tof_gap.quiet_views import VIEWS, chain, views
 from tests.tof_sensor.plane import NORMAL
 from tof_align.folds import deal
-from tof_gap.limits.seen import NoiseLimits
+from tof_gap.limits.noise import NoiseLimits
 from tof_gap.seen.session import session_of
 from tof_gap.solve.candidate import Candidate
 from tof_gap.solve.columns import ColumnStore, build

@@ -11,7 +11,7 @@ import pytest
 from tests.tof_sensor.plane import plane_frame
 from tof_core.capture import Capture, View
 from tof_core.errors import RefusedError
-from tof_gap.limits.seen import EvidenceLimits
+from tof_gap.limits.evidence import EvidenceLimits
 from tof_gap.limits.solve import StartLimits
 from tof_gap.seen.residual import ViewEvidence, gather
 from tof_gap.solve.start import check_fit

@@ -8,7 +8,7 @@ import pytest
 
 from tests.tof_gap.diagnosed import compared, diagnosis, only
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
-from tof_gap.limits.seen import NoiseLimits
+from tof_gap.limits.noise import NoiseLimits
 from tof_gap.tell.difference import LACKS, STRONG, SUPERFLUOUS
 from tof_gap.tell.noise_parts import OF_PIXELS, measured
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tof_gap.limits.missing import FilterLimits
+from tof_gap.limits.filters import FilterLimits
 from tof_gap.seen.finding import Finding
 from tof_gap.tell.outliers import fails_to_merge, hides_light, not_outliers, removed_outliers
 from tof_sensor.effects.ambient import Ambient

@@ -25,6 +25,9 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         "albedo", default_value="", description="albedo or amplitude image (light:=amplitude); empty: one albedo for all"
     ),
+    DeclareLaunchArgument(
+        "albedo_per_count", default_value="1.0", description="albedo of one count of the albedo image; 0.0039 for 8 bits"
+    ),
     DeclareLaunchArgument("normals", default_value="", description="images of unit normals, 32FC3; empty: from the depth"),
     DeclareLaunchArgument("light", default_value="albedo", choices=("albedo", "amplitude"), description="what the image of albedo:= holds"),
     DeclareLaunchArgument(
@@ -61,6 +64,7 @@ def sensor(given: dict[str, str]) -> Node:
         "sensor.model": given["model"],
         "sensor.seed": int(given["seed"]),
         "sensor.light": given["light"],
+        "sensor.albedo_per_count": float(given["albedo_per_count"]),
         "input.depth_topic": given["depth"],
         "input.info_topic": given["info"],
         "input.amplitude_topic": given["albedo"] or "none",
