@@ -24,6 +24,10 @@ BANDS = 16
 """Bands of rows that are judged one after the other, since the images of all views of a long session take gigabytes."""
 SIDE = 3
 """Side in pixels of the squares over which variances are averaged: that of the smallest average of a camera."""
+KEPT = 0.95
+"""Quantile of the squared deviations of a view up to which they count."""
+OF_KEPT = 0.759
+"""Mean square of normal deviations up to that quantile, over their variance."""
 CAP2 = 16.0
 """Squared deviation, in variances, beyond which one counts no more: four standard deviations are an edge."""
 
@@ -59,6 +63,24 @@ def noisy_pixels(views: Sequence[ViewEvidence], limits: PixelLimits) -> NoisyPix
     light2 = float(np.mean([float(np.median(v.sigma[v.smooth] ** 2)) for v in views if v.smooth.any()] or [0.0]))
     size2 = float((variance - quiet)[where].mean()) * light2 if where.any() else 0.0
     return NoisyPixels(where, share, float(np.sqrt(max(size2, 0.0))), chance)
+
+
+def noise_by_view(views: Sequence[ViewEvidence], where: Mask) -> Float:
+    """(V,) noise of the pixels `where` (H, W) beyond that of their views, in each, up to one common factor; 0 where a view shows none.
+
+    The largest deviations are left out, as edges and textures make them in single views. The factor is 0.8 metres along the ray a metre
+    for noise of single pixels, whose neighbours are quiet.
+    """
+    out = np.zeros(len(views))
+    rows = np.arange(where.shape[0])
+    for i, view in enumerate(views):
+        high, sigma = _against_neighbours(view, rows)
+        seen = where & np.isfinite(high)
+        if seen.any():
+            square = high[seen] ** 2
+            kept = square <= np.quantile(square, KEPT)
+            out[i] = np.sqrt(max(float(square[kept].mean() / OF_KEPT - (sigma[seen][kept] ** 2).mean()), 0.0))
+    return out
 
 
 def halves_agree(views: Sequence[ViewEvidence], limits: PixelLimits) -> float:

@@ -60,7 +60,8 @@ def noise_apart(pair: Pair, simulated: Diagnosis, limits: AgainstLimits, known: 
     sides = Noisy(_quiet(real), pair.camera, 1.0), Noisy(_quiet(simulated), pair.simulator, 1.0 / pair.unit)
     level = captures_apart(*sides, seen, limits.absent) if law is None else over_law_apart(*sides, law, seen, limits.absent)
     least = least_mm([*real.evidence, *simulated.evidence], real.config.noise)
-    found = part_apart(bare(real), bare(simulated), real.config.noise, limits.noise, limits.absent)
+    unit = pair.unit if _has_amplitude(real) == _has_amplitude(simulated) else None
+    found = part_apart(bare(real), bare(simulated), real.config.noise, limits.noise, limits.absent, unit)
     of_part = None if found is None else (f"{found[0]} ", found[1])
     if (
         found is not None

@@ -13,7 +13,7 @@ from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_gap.limits.noise import NoiseLimits, PixelLimits
 from tof_gap.seen.noise import noise_effects, pixels_found
 from tof_gap.seen.pattern import beside_pixels, single_pixels
-from tof_gap.seen.pixel_noise import halves_agree, noisy_pixels
+from tof_gap.seen.pixel_noise import halves_agree, noise_by_view, noisy_pixels
 from tof_gap.tell.noise_parts import OF_PIXELS, measured
 
 LIMITS = PixelLimits()
@@ -109,3 +109,12 @@ def test_little_noise_of_single_pixels_is_a_usual_cameras() -> None:
         extra = of_pixel_m * np.random.default_rng(8).standard_normal((VIEWS, *SHAPE)) * where
         found = [f for f in noise_effects(views(np.random.default_rng(2), extra), NoiseLimits()) if f.own_noise is not None]
         assert [f.name for f in found] == names
+
+
+def test_the_noise_of_those_pixels_is_known_in_each_view() -> None:
+    """30 mm in every view but the first, which has 10."""
+    where = np.random.default_rng(3).random(SHAPE) < 0.02
+    size = np.where(np.arange(VIEWS) == 0, 0.01, 0.03)[:, None, None]
+    by_view = noise_by_view(views(np.random.default_rng(2), size * noise() * where), where)
+    assert by_view[1:] == pytest.approx(0.03 * np.sqrt(1 / 1.5), rel=0.2)
+    assert by_view[0] == pytest.approx(by_view[1:].mean() / 3, rel=0.25)

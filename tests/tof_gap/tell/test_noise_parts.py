@@ -10,7 +10,7 @@ from tests.tof_gap.diagnosed import compared, diagnosis, only
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_gap.limits.noise import NoiseLimits
 from tof_gap.tell.difference import LACKS, STRONG, SUPERFLUOUS
-from tof_gap.tell.noise_parts import OF_PIXELS, measured
+from tof_gap.tell.noise_parts import OF_PIXELS, Measured, apart, measured
 
 ROWS = np.random.default_rng(1).standard_normal((VIEWS, SHAPE[0], 1)) * np.ones(SHAPE)
 NOISY = np.random.default_rng(2).random(SHAPE) < 0.02
@@ -74,3 +74,42 @@ def test_what_is_less_than_a_diagnosis_names_is_not_there() -> None:
     parts = measured(views(np.random.default_rng(5), of_rows(0.0003)), NoiseLimits())
     assert not any(part.named for part in parts.values())
     assert set(parts) == {"by rows", "by columns", OF_PIXELS}
+
+
+LIGHT = np.geomspace(1000.0, 4000.0, 12)
+
+
+def of_light(sizes: np.ndarray, light: np.ndarray) -> Measured:
+    return Measured(float(np.sqrt(np.mean(sizes**2))), shown=True, named=True, by_view=sizes, light=light)
+
+
+def test_noise_that_is_constant_in_electrons_is_no_difference_of_sessions_in_other_light() -> None:
+    """Half the light makes twice the noise in metres: by the sizes alone the two sessions would differ."""
+    one, other = of_light(4.0 / LIGHT, LIGHT), of_light(4.0 / (0.5 * LIGHT), 0.5 * LIGHT)
+    assert not apart(one, other, 1.25, unit=1.0)
+    assert apart(one, other, 1.25, unit=None)
+
+
+def test_twice_the_noise_is_a_difference_in_any_light() -> None:
+    one = of_light(4.0 / LIGHT, LIGHT)
+    assert apart(one, of_light(16.0 / (0.5 * LIGHT), 0.5 * LIGHT), 1.25, unit=1.0)
+    assert apart(one, of_light(4.0 / (2.5 * LIGHT), LIGHT), 1.25, unit=1.0)
+
+
+def test_sizes_that_vary_from_view_to_view_are_no_difference() -> None:
+    """A factor of 1.4 between the means of views whose sizes vary by a factor of three: half a standard error."""
+    rng = np.random.default_rng(9)
+    sizes = np.exp(rng.normal(0.0, 1.1, 12))
+    assert not apart(of_light(sizes, LIGHT), of_light(1.4 * sizes[::-1], LIGHT), 1.25, unit=1.0)
+
+
+def test_noise_that_a_session_hardly_shows_is_compared_by_its_size_alone() -> None:
+    few = np.where(np.arange(12) < 2, 1e-4, 0.0)
+    assert apart(of_light(few, LIGHT), of_light(4.0 / LIGHT, LIGHT), 1.25, unit=1.0)
+
+
+def test_an_amplitude_in_another_unit_is_taken_into_account() -> None:
+    """The simulator counts twice as much for the same light."""
+    one, other = of_light(4.0 / LIGHT, LIGHT), of_light(4.0 / LIGHT, 2.0 * LIGHT)
+    assert not apart(one, other, 1.25, unit=2.0)
+    assert not apart(of_light(4.0 / LIGHT, LIGHT), of_light(8.0 / LIGHT, LIGHT), 1.25, unit=2.0)
