@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from tof_gap.seen.correlation import variance_apart
 from tof_gap.seen.finding import CONFIDENT, Finding, most
 from tof_gap.seen.foreign_light import interference
 from tof_gap.seen.photons import between_captures2, binned, code_step, fit_law
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 EVERY = 7
 """One of so many pixels is fitted: thousands of a view."""
+FAR_PX = 12
+"""Pixels between samples that share no noise: more than any average spans, and than depth is interpolated between projected dots."""
 CAP = 12.0
 """Variance between captures over the photon law's, beyond which a pixel counts no more: an edge."""
 
@@ -69,7 +72,8 @@ def steps_of(views: Sequence[ViewEvidence], limits: NoiseLimits) -> Steps | None
     Foreign modulated light adds a phasor with a phase of its own in every capture, so depth steps by an amount in proportion to foreign
     over own light: r^2 / cos(incidence), whatever the albedo. It is in the variance between captures and not among neighbours. The mean of
     a dwell leaves a part of the steps, and poses take most of that. A hand that sways moves the image, too, in proportion to the columns
-    of the pose. Noise of whole rows is another effect.
+    of the pose. Noise of whole rows is another effect. A camera that interpolates depth, as between projected dots, shares noise among many
+    neighbours: captures differ by all of it, and so do pixels `FAR_PX` apart.
     """
     if all(v.view.captures < 2 for v in views):
         return None
@@ -77,7 +81,7 @@ def steps_of(views: Sequence[ViewEvidence], limits: NoiseLimits) -> Steps | None
     b = b.of(np.isfinite(_excess(b)) & (b.variance > 0.0))
     dwells = np.unique(b.view).astype(int)
     over = 1.0 + np.array([np.median((_excess(b) / b.variance)[b.view == v]) for v in dwells])
-    hit = dwells[over > limit.ratio]
+    hit = dwells[over > limit.ratio * np.array([_local(views[v]) for v in dwells])]
     if len(hit) < max(limit.dwells, limit.share * len(dwells)):
         return None
     stepping = [views[v] for v in hit]
@@ -87,6 +91,13 @@ def steps_of(views: Sequence[ViewEvidence], limits: NoiseLimits) -> Steps | None
     way = np.concatenate([v.frame.surroundings_m2[v.smooth] for v in stepping])
     light_m = float(np.sqrt(by_light2))
     return Steps(hit, len(dwells), light_m, light_m * float(np.median(way)))
+
+
+def _local(view: ViewEvidence) -> float:
+    """Variance of noise among pixels `FAR_PX` apart, over that among neighbours: what neighbours share; 1 where too few pixels show it."""
+    scaled = [np.where(view.smooth, view.residual / view.sigma, np.nan)]
+    near = view.correlation.variance([variance_apart(scaled, step) for step in view.correlation.steps])
+    return max(variance_apart(scaled, FAR_PX) / near, 1.0) if near > 0.0 else 1.0
 
 
 def _excess(b: NoiseBins) -> Float:

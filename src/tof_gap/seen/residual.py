@@ -11,10 +11,11 @@ from scipy.ndimage import uniform_filter
 
 from tof_core.cores import in_threads
 from tof_gap.seen.averaged import averaging_error
-from tof_gap.seen.correlation import INDEPENDENT, noise_correlation
+from tof_gap.seen.correlation import INDEPENDENT
 from tof_gap.seen.edges import excluded, smear, streaks
 from tof_gap.seen.level import depth_step, noise_level
 from tof_gap.seen.range_code import range_step
+from tof_gap.seen.shared_noise import correlation_of
 from tof_scene.maps import concavity_map
 from tof_scene.rendering import depth_only
 from tof_sensor.known import as_ideal
@@ -127,20 +128,6 @@ def gather(
         found = in_threads(lambda v: _correlated(v, wider_px, correlation), found)
     rng = np.random.default_rng(limits.seed)  # Drawn one after the other: the same pixels whichever view is ready first.
     return tuple(replace(v, pixels=drawn(v.smooth, limits.pixels, rng), correlation=correlation) for v in found)
-
-
-def correlation_of(views: Sequence[ViewEvidence]) -> NoiseCorrelation:
-    """The correlation of the noise in the views' residuals."""
-    rounding2 = [_rounding2(v) for v in views if v.smooth.any()]
-    of_code = float(np.median(rounding2)) if rounding2 else 0.0
-    return noise_correlation([v.residual / v.sigma for v in views], [v.smooth for v in views], views[0].limits.correlation, of_code)
-
-
-def _rounding2(view: ViewEvidence) -> float:
-    """Variance of a view's depth by the steps of its code, over that of its noise."""
-    if view.step_m == 0.0:
-        return 0.0
-    return view.step_m**2 / 12 / view.view.captures / float(np.median(view.sigma[view.smooth])) ** 2
 
 
 def noise_again(views: Sequence[ViewEvidence]) -> tuple[ViewEvidence, ...]:

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from scipy.ndimage import uniform_filter
 
 from tests.tof_gap import two_walls
 from tests.tof_gap.quiet_views import SHAPE, VIEWS
 from tests.tof_gap.two_walls import NOISE_M
 from tof_gap.limits.noise import NoiseLimits
 from tof_gap.seen.between_captures import as_captures_step, stepping_captures
+from tof_gap.seen.correlation import variance_apart
 from tof_gap.seen.finding import Finding
 from tof_gap.seen.noise import noise_effects
 from tof_sensor.effects.interference import Interference
@@ -87,3 +89,15 @@ def test_foreign_light_is_as_large_as_captures_step_where_poses_and_means_hide_i
 )
 def test_other_captures_are_none(quiet: list[ViewEvidence]) -> None:
     assert stepping_captures(quiet, LIMITS) is None
+
+
+def test_captures_that_differ_by_what_many_neighbours_share_do_not_step() -> None:
+    """A camera that interpolates between projected dots shares noise over 5 x 5 pixels, more of it in weak light: captures differ by all of it."""
+    views = []
+    for number, v in enumerate(dwells(by_light(3.0))):
+        sd = np.sqrt(by_light(3.0)(v) / CAPTURES) / v.frame.length
+        shared = sd * 5.0 * uniform_filter(np.random.default_rng(number).normal(size=SHAPE), 5)
+        views.append(replace(v, residual=shared, sigma=sd * 0.37))
+    assert stepping_captures(views, LIMITS) is None
+    white = [replace(v, residual=v.sigma * np.random.default_rng(2).normal(size=SHAPE)) for v in views]
+    assert stepping_captures(white, LIMITS) is not None

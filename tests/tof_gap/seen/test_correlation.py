@@ -15,7 +15,7 @@ from tof_core.capture import Capture, View
 from tof_core.reasons import Reason
 from tof_gap.config import GapConfig
 from tof_gap.limits.evidence import CorrelationLimits, EvidenceLimits
-from tof_gap.seen.correlation import INDEPENDENT, NoiseCorrelation, noise_correlation
+from tof_gap.seen.correlation import INDEPENDENT, NoiseCorrelation, noise_correlation, variance_apart
 from tof_gap.seen.line_noise import line_noise, line_noise_by_view
 from tof_gap.seen.noise import beside_lines, lines_found, noise_effects
 from tof_gap.seen.photons import binned, constant_part, fit_law, own_law
@@ -77,6 +77,29 @@ def test_structure_wider_than_the_windows_of_cameras_is_no_correlation() -> None
     """The squares of a printed board are 12 pixels wide, and measure 2 standard deviations apart."""
     row, column = np.mgrid[: SHAPE[0], : SHAPE[1]] // 12
     assert not found(np.asarray, 2.0 * ((row + column) % 2)).correlated
+
+
+def test_noise_over_many_pixels_is_noise_where_captures_differ_by_it() -> None:
+    """A camera that interpolates between projected dots: means over 9 x 9 pixels, with a ninth of the noise among next neighbours."""
+    rng = np.random.default_rng(5)
+    seen = [uniform_filter(rng.normal(size=SHAPE), 9) for _ in range(6)]
+    variance = float(np.mean([s.var() for s in seen]))
+
+    def of(between2: float) -> NoiseCorrelation:
+        return noise_correlation(seen, [np.ones(SHAPE, bool)] * 6, LIMITS, between2=between2)
+
+    assert not of(0.0).correlated
+    assert of(variance).area == pytest.approx(81.0, rel=0.25)
+    near, next_but_one = (variance_apart(seen, step) for step in (1, 2))
+    assert of(variance).variance([near, next_but_one]) == pytest.approx(variance, rel=0.05)
+
+
+def test_captures_that_differ_by_more_than_pixels_do_anywhere_are_no_correlation() -> None:
+    """Whole images that step, by foreign light or a swaying hand, beside noise that a few neighbours share."""
+    rng = np.random.default_rng(5)
+    seen = [uniform_filter(rng.normal(size=SHAPE), 9) for _ in range(6)]
+    variance = float(np.mean([s.var() for s in seen]))
+    assert not noise_correlation(seen, [np.ones(SHAPE, bool)] * 6, LIMITS, between2=3.0 * variance).correlated
 
 
 def test_noise_of_rows_and_columns_is_no_correlation_of_neighbours() -> None:
