@@ -89,7 +89,7 @@ class ColumnSystem:
     """Normal equations of V views in poses and K columns.
 
     chain: the poses of linearisation; normal: [base 6 | hand-eye 6 | columns K | arm 6 | residual] in each view, with all columns;
-    columns: K; pixels (V,): number of independent pixels used; weight (V,): sums of their 1 / sigma^2.
+    columns: K; pixels (V,): number of independent pixels used; weight (V,): sums of their 1 / sigma^2; drawn (V,): number of pixels used.
     """
 
     chain: Chain
@@ -97,17 +97,23 @@ class ColumnSystem:
     columns: int
     pixels: Float
     weight: Float
+    drawn: Float
 
     @classmethod
-    def of(cls, grams: Iterable[Float], chain: Chain, theta_sd: Float, priors: Priors, pixels: Float, weight: Float) -> ColumnSystem:
-        """From each view's weighted products (p, p) of [camera 6 | columns K | residual]; theta_sd (K,): the coefficients' prior deviations."""
+    def of(
+        cls, grams: Iterable[Float], chain: Chain, theta_sd: Float, priors: Priors, pixels: Float, weight: Float, drawn: Float | None = None
+    ) -> ColumnSystem:
+        """From each view's weighted products (p, p) of [camera 6 | columns K | residual]; theta_sd (K,): the coefficients' prior deviations.
+
+        drawn: `pixels` where all are independent (default).
+        """
         normal = assemble(grams, chain, None, theta_sd**-2.0)
         info, error, g = normal.info.copy(), normal.error.copy(), chain.globals_
         info[: g - 6] = np.tile(priors.base**-2.0, len(chain.names))
         info[g - 6 : g] = priors.hand_eye**-2.0
         if priors.at_chain:
             error[: g - 6] = 0.0
-        return cls(chain, replace(normal, info=info, error=error), len(theta_sd), pixels, weight)
+        return cls(chain, replace(normal, info=info, error=error), len(theta_sd), pixels, weight, pixels if drawn is None else drawn)
 
     @property
     def poses(self) -> int:
@@ -162,14 +168,21 @@ class ColumnSystem:
         return ColumnFit(active, solve(self.chosen(active, inflate=inflate, free_hand=free_hand), {}), self.poses)
 
     def inflation(self, active: Ints, neighbours: float, *, free_hand: bool = False) -> float:
-        """Factor that divides the weight of the data, since errors that neighbours share count once (`discrepancy.shared_inflation`)."""
-        return shared_inflation(self.fit(active, free_hand=free_hand).energy, float(self.pixels.sum()), neighbours)
+        """Factor that divides the weight of the data, since errors that neighbours share count once (`discrepancy.shared_inflation`).
+
+        Where `neighbours` drawn pixels share noise, too, they are fewer independent ones.
+        """
+        independent = float(self.pixels.sum())
+        share = neighbours * independent / max(float(self.drawn.sum()), 1.0)
+        return shared_inflation(self.fit(active, free_hand=free_hand).energy, independent, max(share, 1.0))
 
     def subset(self, views: Sequence[int]) -> ColumnSystem:
         """The system of some views only; all stations stay."""
         at, n = np.asarray(views, np.int64), self.normal
         normal = replace(n, gram=n.gram[at], where=n.where[at], own_error=n.own_error[at])
-        return replace(self, chain=self.chain.subset(views), normal=normal, pixels=self.pixels[at], weight=self.weight[at])
+        return replace(
+            self, chain=self.chain.subset(views), normal=normal, pixels=self.pixels[at], weight=self.weight[at], drawn=self.drawn[at]
+        )
 
     def fit_to(self, views: Sequence[int], solution: ColumnFit, *, inflate: float, free_hand: bool) -> ColumnFit:
         """The columns of a solution fitted again to some views, with the bases held at the solution's.

@@ -124,3 +124,13 @@ def test_some_views_alone_are_the_system_of_those_views() -> None:
     assert part.pixels.tolist() == s.pixels[[1, 5]].tolist()
     np.testing.assert_array_equal(part.normal.gram, s.normal.gram[[1, 5]])
     assert replace(part.chain, priors=s.chain.priors).station.tolist() == STATION[[1, 5]].tolist()
+
+
+def test_an_error_that_pixels_share_with_their_noise_counts_for_fewer_of_them() -> None:
+    """Ten drawn pixels have the noise of one: what thirty of them share is shared by three independent ones, and never by fewer than one."""
+    system = system_of([2.0 * x for x in rows()])
+    active = np.arange(COLUMNS)
+    excess = system.inflation(active, 1.0) - 1.0
+    assert system.inflation(active, 30.0) - 1.0 == pytest.approx(30.0 * excess)
+    for per, share in ((10.0, 3.0), (100.0, 1.0)):
+        assert replace(system, drawn=per * system.pixels).inflation(active, 30.0) - 1.0 == pytest.approx(share * excess)

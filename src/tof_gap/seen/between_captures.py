@@ -75,7 +75,7 @@ def steps_of(views: Sequence[ViewEvidence], limits: NoiseLimits) -> Steps | None
     of the pose. Noise of whole rows is another effect. A camera that interpolates depth, as between projected dots, shares noise among many
     neighbours: captures differ by all of it, and so do pixels `FAR_PX` apart.
     """
-    if all(v.view.captures < 2 for v in views):
+    if all(v.view.captures < 2 for v in views) or views[0].correlation.interpolated:  # Its noise is known from the captures alone.
         return None
     b, limit = binned(views, limits.bins, limits), limits.captures
     b = b.of(np.isfinite(_excess(b)) & (b.variance > 0.0))

@@ -62,6 +62,11 @@ class NoiseCorrelation:
         return round(float(np.sqrt(self.area)))
 
     @property
+    def interpolated(self) -> bool:
+        """Whether noise is shared over more pixels than cameras average, as between projected dots: by what captures differ by."""
+        return self.window_px > WIDEST
+
+    @property
     def steps(self) -> tuple[int, ...]:
         """Pixels between the samples of the second differences whose variances `variance` takes."""
         return (1, 2) if self.correlated else (1,)

@@ -182,11 +182,12 @@ def _of_view(view: View, frame: Frame, limits: EvidenceLimits, concavity: Image,
 def _correlated(view: ViewEvidence, wider_px: int, correlation: NoiseCorrelation) -> ViewEvidence:
     """The evidence of a view whose neighbouring pixels share noise, once this is known; what lies near edges does not depend on it.
 
-    The CAD's curved surfaces are seen as the camera's average shows them.
+    The CAD's curved surfaces are seen as the camera's average shows them; what is interpolated between samples lies between these.
     """
     blur_px = smear(view.frame, view.limits.blur)
     reached = excluded(view.frame, view.limits, wider_px, blur_px) if blur_px else view.edge  # A moving view's edges include streaks.
-    bent, beside_creases = averaging_error(view.rendering, view.frame.length, correlation.window_px)
+    averaged_px = 1 if correlation.interpolated else correlation.window_px
+    bent, beside_creases = averaging_error(view.rendering, view.frame.length, averaged_px)
     residual = view.residual.astype(np.float64) - bent
     returned = view.view.returned
     sigma, smooth, edge, gross = _sorted_out(residual, returned, view.frame, reached, blur_px, view.limits, view.step_m, correlation)

@@ -163,6 +163,7 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
         Priors(base_sd, hand_sd, at_chain=in_motion),
         pixels=np.array([v.independent for v in store.views]),
         weight=np.array([float((v.fit_sigma.ravel()[v.pixels] ** -2).sum()) for v in store.views]),
+        drawn=np.array([float(len(v.pixels)) for v in store.views]),
     )
     always = groups[-1] if calibrated else np.zeros(0, np.int64)
     return Design(tuple(tested), groups[: len(tested)], safe, system, always)

@@ -15,7 +15,7 @@ from tests.tof_gap.quiet_views import SHAPE, VIEWS
 from tests.tof_gap.two_walls import NOISE_M
 from tof_gap.limits.noise import NoiseLimits
 from tof_gap.seen.between_captures import as_captures_step, stepping_captures
-from tof_gap.seen.correlation import variance_apart
+from tof_gap.seen.correlation import NoiseCorrelation
 from tof_gap.seen.finding import Finding
 from tof_gap.seen.noise import noise_effects
 from tof_sensor.effects.interference import Interference
@@ -101,3 +101,5 @@ def test_captures_that_differ_by_what_many_neighbours_share_do_not_step() -> Non
     assert stepping_captures(views, LIMITS) is None
     white = [replace(v, residual=v.sigma * np.random.default_rng(2).normal(size=SHAPE)) for v in views]
     assert stepping_captures(white, LIMITS) is not None
+    known_by_captures = NoiseCorrelation(lever=3.0, line=8.0, area=64.0, growth=2.0)
+    assert stepping_captures([replace(v, correlation=known_by_captures) for v in white], LIMITS) is None

@@ -68,7 +68,7 @@ def system_of(G: list[np.ndarray], sd: np.ndarray, arm_sd: np.ndarray) -> Column
     one, many, eye = np.eye(4)[None], np.tile(np.eye(4), (VIEWS, 1, 1)), np.eye(4)
     k, each = len(sd), np.full(VIEWS, float(PIXELS))
     normal = Normal(np.stack(G), np.tile(np.arange(k), (VIEWS, 1)), sd**-2.0, arm_sd**-2.0, np.zeros(k), np.zeros((VIEWS, 6)))
-    return ColumnSystem(Chain(np.zeros(VIEWS, int), (0,), one, many, one, many, eye, Priors()), normal, k - 12, each, each)
+    return ColumnSystem(Chain(np.zeros(VIEWS, int), (0,), one, many, one, many, eye, Priors()), normal, k - 12, each, each, each)
 
 
 def with_products(d: Design, G: list[np.ndarray]) -> Design:
