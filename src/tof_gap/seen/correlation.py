@@ -63,7 +63,7 @@ class NoiseCorrelation:
 
     @property
     def interpolated(self) -> bool:
-        """Whether noise is shared over more pixels than cameras average, as between projected dots: by what captures differ by."""
+        """Whether more pixels share noise than cameras average, as between projected dots; its size is then that of the captures' differences."""
         return self.window_px > WIDEST
 
     @property
