@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,8 +45,8 @@ def page() -> str:
     for prefix, cls in SECTIONS.items():
         numbers = [info for info in table(cls) if info.kind in (int, float)]
         parts += [f"## {TITLES[prefix]}"]
-        for group, section in dict.fromkeys((info.group, info.section) for info in numbers):
-            lines = [_line(f"{prefix}.{info.name}", info, rows) for info in numbers if info.group == group]
+        for (group, section), members in groupby(numbers, key=lambda info: (info.group, info.section)):
+            lines = [_line(f"{prefix}.{info.name}", info, rows) for info in members]
             about = [f"{section[0].upper()}{section[1:]}."] if section else []
             parts += [f"### `{prefix}{'.' + group if group else ''}`", *about, "\n".join([HEAD, *lines])]
     return "\n\n".join(parts) + "\n"

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from tof_core.config import ParamInfo
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
-CHANGES = "{}. Names are the same in `--set`, `--config` and `config/graph.yaml`."
+NAMES = "Names are the same in `--set`, `--config` and `config/graph.yaml`."
 LIFE = (
     "A managed node. With `live.autostart` (the default) it configures and activates itself at the start; otherwise a lifecycle manager or `ros2 lifecycle set` does. "
     "It loads its files when it is configured. A failure leaves it unconfigured and appears in the diagnostics (level ERROR); correct the parameter "
@@ -62,7 +62,7 @@ def node_page(name: str) -> str:
         "## Services", _services(module),
         *(("## Actions", _actions(module)) if hasattr(module, "ACTIONS") else ()),
         "## Diagnostics", _diagnostics(text, managed=managed),
-        "## Parameters", CHANGES.format(changes(fixed_of(module), module.CONFIG, when)),
+        "## Parameters", f"{changes(fixed_of(module), module.CONFIG, when)}. {NAMES}",
         parameters(list(table(module.CONFIG))),
     ]  # fmt: skip
     return "\n\n".join(parts) + "\n"
@@ -116,7 +116,6 @@ def _topics(rows: list[Topic]) -> str:
 
 
 SERVICES = {
-    "reset": "discard what was accumulated",
     "capture": "end the dwell: the accumulated captures are a view, and the next frame begins another",
     "flush": "publish every frame that is waiting, as at the end of a bag",
     "capture_reference": "store the last dwell as the reference, with which later views are compared",
@@ -127,18 +126,6 @@ SERVICES = {
 }
 
 
-RESETS = {
-    "preproc": "discard the running dwell, and forget stations and transforms",
-    "sim_label": "end the session and begin another: what was learnt of the robot and the camera is forgotten",
-    "infer": "discard the frames that wait",
-    "sensor": "discard the frames that wait; the next frame is the first of a session",
-    "correct": "discard the dwells; the reference is kept",
-    "inspect": "discard the dwells; the reference images are kept",
-    "gap": "forget the usual gap and the dwells: the next `watch.baseline` views define what is usual",
-}
-"""What `~/reset` of each node discards."""
-
-
 def services_of(module: Any) -> list[str]:
     """Names of the services that a node's source offers, the base node's included."""
     source = inspect.getsource(module) + inspect.getsource(import_module("tof_ros.base"))
@@ -147,8 +134,8 @@ def services_of(module: Any) -> list[str]:
 
 
 def _services(module: Any) -> str:
-    own = {"reset": RESETS[module.NAME]} if module.NAME in RESETS else {}
-    rows = [f"| `~/{name}` | {own.get(name) or SERVICES[name]} |" for name in services_of(module)]
+    own = SERVICES | {"reset": reset_of(module)}
+    rows = [f"| `~/{name}` | {own[name]} |" for name in services_of(module)]
     return "\n".join(
         [
             "All are `std_srvs/Trigger`; the message of the answer reports what was done, or why not.",
@@ -158,6 +145,15 @@ def _services(module: Any) -> str:
             *rows,
         ]
     )
+
+
+def reset_of(module: Any) -> str:
+    """What `~/reset` of a node discards: the docstring of its method."""
+    nodes = (
+        kind for kind in vars(module).values() if inspect.isclass(kind) and kind.__module__ == module.__name__ and "reset" in vars(kind)
+    )
+    text = (inspect.getdoc(vars(next(nodes))["reset"]) or "").rstrip(".")
+    return text[:1].lower() + text[1:]
 
 
 def fixed_of(module: Any) -> list[str]:

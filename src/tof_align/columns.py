@@ -101,19 +101,16 @@ class ColumnSystem:
 
     @classmethod
     def of(
-        cls, grams: Iterable[Float], chain: Chain, theta_sd: Float, priors: Priors, pixels: Float, weight: Float, drawn: Float | None = None
+        cls, grams: Iterable[Float], chain: Chain, theta_sd: Float, priors: Priors, pixels: Float, weight: Float, drawn: Float
     ) -> ColumnSystem:
-        """From each view's weighted products (p, p) of [camera 6 | columns K | residual]; theta_sd (K,): the coefficients' prior deviations.
-
-        drawn: `pixels` where all are independent (default).
-        """
+        """From each view's weighted products (p, p) of [camera 6 | columns K | residual]; theta_sd (K,): the coefficients' prior deviations."""
         normal = assemble(grams, chain, None, theta_sd**-2.0)
         info, error, g = normal.info.copy(), normal.error.copy(), chain.globals_
         info[: g - 6] = np.tile(priors.base**-2.0, len(chain.names))
         info[g - 6 : g] = priors.hand_eye**-2.0
         if priors.at_chain:
             error[: g - 6] = 0.0
-        return cls(chain, replace(normal, info=info, error=error), len(theta_sd), pixels, weight, pixels if drawn is None else drawn)
+        return cls(chain, replace(normal, info=info, error=error), len(theta_sd), pixels, weight, drawn)
 
     @property
     def poses(self) -> int:

@@ -89,7 +89,7 @@ class GapNode(ManagedNode[GapNodeConfig]):
         del self._caster
 
     def reset(self) -> str:
-        """Forget what is usual, and the views."""
+        """Forget the usual gap and the dwells: the next `watch.baseline` views define what is usual."""
         self._watch.restart()
         self._dwells.clear()
         self._session.clear()

@@ -112,7 +112,7 @@ class InferNode(ManagedNode[InferNodeConfig]):
         return self._depth.heard or any(output.get_subscription_count() for output in self._outputs.values())
 
     def reset(self) -> str:
-        """Discard waiting frames."""
+        """Discard the frames that wait."""
         self._feed.reset()
         return "waiting frames are discarded"
 

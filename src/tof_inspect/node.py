@@ -97,7 +97,7 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         del self._scene, self._bias, self._first
 
     def reset(self) -> str:
-        """Discard the dwells."""
+        """Discard the dwells; the reference images are kept."""
         self._dwells.clear()
         self._feed.reset()
         return "the dwells are discarded"

@@ -226,7 +226,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         super().destroy_node()
 
     def reset(self) -> str:
-        """Forget dwell, stations and transforms."""
+        """Discard the running dwell, and forget stations and transforms."""
         if hasattr(self, "_stream"):
             self._stream.reset()
             self.forget_frames(self._arrivals)

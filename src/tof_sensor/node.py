@@ -96,7 +96,7 @@ class SensorNode(ManagedNode[SensorNodeConfig]):
         self._outputs["camera_info"].publish(messages.camera_info(ideal.camera, head))
 
     def reset(self) -> str:
-        """Discard waiting frames; the next frame is the first of a session."""
+        """Discard the frames that wait; the next frame is the first of a session."""
         self._feed.reset()
         self._normals.clear()
         self._camera.reset()

@@ -225,7 +225,7 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         self._verdicts.begin()
 
     def reset(self) -> str:
-        """Forget the session."""
+        """End the session and begin another: what was learnt of the robot and the camera is forgotten."""
         self._finish()
         self._stream.reset()
         self._verdicts.begin()

@@ -35,4 +35,4 @@ def chain() -> Chain:
 def system_of(X: list[np.ndarray], *, at_chain: bool = False) -> ColumnSystem:
     """The system of such rows."""
     each = np.full(VIEWS, float(PIXELS))
-    return ColumnSystem.of([x.T @ x for x in X], chain(), THETA_SD, Priors(BASE_SD, HAND_SD, at_chain=at_chain), each, each)
+    return ColumnSystem.of([x.T @ x for x in X], chain(), THETA_SD, Priors(BASE_SD, HAND_SD, at_chain=at_chain), each, each, each)

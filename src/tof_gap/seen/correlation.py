@@ -103,10 +103,11 @@ def noise_correlation(
     if not (near > 0.0 and next_but_one - rounding2 > limits.growth * (near - rounding2)):
         return INDEPENDENT
     growth = next_but_one / near
-    found = _Windows.fitted(seen, WIDTHS_PX)
+    shown = _further([near, next_but_one], seen, WIDTHS_PX)
+    found = _Windows.fitted(shown, WIDTHS_PX)
     if found is not None and found.whole >= limits.variance * near and not found.wider_than(WIDEST):
         return NoiseCorrelation(found.lever, found.mean(1), found.mean(2), growth)
-    wide = _Windows.fitted(seen, INTERPOLATED_PX) if between2 > limits.variance * near else None
+    wide = _Windows.fitted(_further(shown, seen, INTERPOLATED_PX), INTERPOLATED_PX) if between2 > limits.variance * near else None
     if wide is None or wide.whole < LOCAL_SHARE * between2:
         return NoiseCorrelation(growth=growth)
     # Structure of the scene is in the residuals, and not in what captures differ by.
@@ -124,10 +125,9 @@ class _Windows(NamedTuple):
     next_two: Float
 
     @classmethod
-    def fitted(cls, seen: Sequence[Float], widths: Ints) -> _Windows | None:
-        """The windows of these even widths and of Gaussian ones, from images (H, W) with NaN where a pixel does not count; None where too few do."""
-        steps = np.arange(1, widths[-1] + 3)  # Beyond the widest window by two, so that noise and smooth errors separate.
-        shown = np.array([variance_apart(seen, int(k)) for k in steps])
+    def fitted(cls, variances: Sequence[float], widths: Ints) -> _Windows | None:
+        """The windows of these even widths and of Gaussian ones, from the variances of `_further`; None where too few pixels show one of them."""
+        steps, shown = np.arange(1, len(variances) + 1), np.array(variances)
         if not (shown > 0.0).all():
             return None
         windows = _windows(steps, widths)
@@ -154,6 +154,11 @@ class _Windows(NamedTuple):
     def wider_than(self, width: float) -> bool:
         """Whether wider windows hold `WIDE_SHARE` of the variance."""
         return bool(self.part[self.width > width].sum() > WIDE_SHARE * self.whole)
+
+
+def _further(variances: Sequence[float], seen: Sequence[Float], widths: Ints) -> list[float]:
+    """The `variances` of samples 1, 2, ... pixels apart, and those up to the widest window and two beyond: there noise and smooth errors separate."""
+    return [*variances, *(variance_apart(seen, step) for step in range(len(variances) + 1, int(widths[-1]) + 3))]
 
 
 def variance_apart(images: Sequence[Float], step: int) -> float:

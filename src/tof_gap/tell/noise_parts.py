@@ -42,6 +42,11 @@ class Measured(NamedTuple):
     by_view: Float
     light: Float
 
+    def logarithms(self, unit: float = 1.0) -> tuple[Float, Float]:
+        """(n,) of size and of light over `unit`, of the views that show the noise."""
+        seen = (self.by_view > 0.0) & (self.light > 0.0)
+        return np.log(self.by_view[seen]), np.log(self.light[seen] / unit)
+
 
 def measured(views: Sequence[ViewEvidence], limits: NoiseLimits) -> dict[str, Measured]:
     """The parts of a session's noise; views: less all smooth bias."""
@@ -106,11 +111,7 @@ def apart(one: Measured, other: Measured, factor: float, unit: float | None) -> 
     1 / amplitude, and it varies by the content of each view. So the logarithms of the views' sizes are compared, as they are and times
     the light, where its `unit` in the other session over that in the one is known. Noise that a session hardly shows is compared by its size alone.
     """
-    sides = [
-        (np.log(m.by_view[seen]), np.log(m.light[seen] / u))
-        for m, u in ((one, 1.0), (other, unit or 1.0))
-        for seen in [(m.by_view > 0.0) & (m.light > 0.0)]
-    ]
+    sides = [one.logarithms(), other.logarithms(unit or 1.0)]
     if min(len(size) for size, _ in sides) < LEAST_VIEWS:
         return True
     differences = []

@@ -47,7 +47,7 @@ def judge_of(wave_m: float, scatter_m: float, *, views: int = 12, spread_m: floa
     one, many, each = np.eye(4)[None], np.tile(np.eye(4), (views, 1, 1)), np.full(views, float(PIXELS))
     roots = np.tile(POSE_M * np.eye(6), (views, 1, 1)) if root else None
     chain = Chain(np.zeros(views, int), (0,), one, many, one, many, np.eye(4), Priors(arm_mm=0.3, arm_deg=0.02), roots)
-    system = ColumnSystem.of(grams, chain, np.full(5, 0.05), Known(HELD, HELD), each, each / NOISE_M**2)
+    system = ColumnSystem.of(grams, chain, np.full(5, 0.05), Known(HELD, HELD), each, each / NOISE_M**2, each)
     groups = tuple(np.arange(a, b) for a, b in ((0, 1), (1, 3), (3, 5)))
     return Selector(Design((OFFSET, LONG, SHORT), groups, np.ones(5), system), SelectLimits())
 
