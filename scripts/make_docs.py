@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import limits_page
-from node_pages import INPUTS, NODE_TEXTS, NodeText, Topic
+from node_pages import INPUTS, NODE_TEXTS, STATE, TALLY, NodeText, Topic
 from tof_core.config import table
 from toftwin.cli import build_parser, command_names, load_command
 from toftwin.graph import DONE, NODES
@@ -171,12 +171,17 @@ def changes(fixed: list[str], kind: type[Any], when: str) -> str:
 
 
 def _diagnostics(text: NodeText, *, managed: bool) -> str:
-    from tof_ros.diagnostics import Tally
-
-    state = ("state",) if managed else ()
-    keys = ", ".join(f"`{key}`" for key in (*Tally().values(), "skipped.REASON", *state, *text.figures))
+    values = TALLY | (STATE if managed else {}) | text.figures
     error = "ERROR while it cannot be configured or activated; " if managed else ""
-    return f"`/diagnostics`, once a second on the wall clock. Values: {keys}. Level {error}WARN while frames are skipped or {text.warns}; STALE after 5 s without frames, with topic, publishers, candidates and the flag to pass; that line is logged once, and the first frame after it."
+    return "\n".join(
+        [
+            f"`/diagnostics`, once a second on the wall clock. Level {error}WARN while frames are skipped or {text.warns}; STALE after 5 s without frames, with topic, publishers, candidates and the flag to pass; that line is logged once, and the first frame after it.",
+            "",
+            "| value | what |",
+            "|---|---|",
+            *(f"| `{key}` | {_cell(what)} |" for key, what in values.items()),
+        ]
+    )
 
 
 def parameters(rows: list[ParamInfo]) -> str:

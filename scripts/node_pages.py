@@ -17,13 +17,13 @@ class Topic:
 
 @dataclass(frozen=True, slots=True)
 class NodeText:
-    """The prose of one node's page; `outputs` by topic, `figures` are the node's own values in its diagnostics, `more` rows of what is published, `fates` its own results of a frame."""
+    """The prose of one node's page; `outputs` by topic, `figures` what the node's own values in its diagnostics mean, `more` rows of what is published, `fates` its own results of a frame."""
 
     short: str
     about: str
     start: tuple[str, ...]
     outputs: dict[str, str]
-    figures: tuple[str, ...]
+    figures: dict[str, str]
     warns: str
     more: tuple[tuple[str, str, str], ...] = ()
     fates: str = ""
@@ -42,6 +42,24 @@ TEMPERATURE = Topic("`hand/temperature` (`input.temperature_topic`)", "sensor_ms
 TRANSFORMS = Topic(
     "`/tf`, `/tf_static`", "tf2_msgs/TFMessage", "from the cell to the camera's optical frame; interpolated, never extrapolated"
 )
+
+TALLY = {
+    "rate_hz": "arrivals per second over the last ten seconds",
+    "latency_p50_ms": "median time from the arrival of a frame or view to the last output made of it, over the last 256",
+    "latency_p95_ms": "95 % quantile of the same",
+    "seen": "frames or views that were sent to the node since it began",
+    "kept": "those whose outputs are published",
+    "skipped": "those without outputs",
+    "skipped.REASON": "the same by reason, such as `transform` or `overrun`",
+}
+"""What the values mean that all nodes count."""
+STATE = {"state": "lifecycle state: `unconfigured`, `inactive` or `active`"}
+"""The value that a managed node adds."""
+SCENE = {"scene": "name of the scene, and the first 12 digits of its hash"}
+FEED = {
+    "tf_age_s": "age of the newest transform in seconds of wall time",
+    "incomplete": "views that were given up, since one of their messages did not come",
+}
 
 VIEWS = [
     Topic("`preproc/depth`, `sigma`, `count`, `reason`, `amplitude`", IMAGE, "the running view of each dwell"),
@@ -114,7 +132,13 @@ NODE_TEXTS = {
             "points": "the view as an organised cloud, with the amplitude as intensity where there is one; computed only while subscribed",
             "dwell": "`time_ref` is the dwell's first stamp; `source` holds station, number of captures, amplitude yes or no; ends with the next release",
         },
-        figures=("stages", "tf_age_s", "waiting", "accumulated", "removed.STAGE"),
+        figures={
+            "stages": "the filters that are on, in their order",
+            "tf_age_s": FEED["tf_age_s"],
+            "waiting": "frames that wait for their amplitude image, CameraInfo or transform",
+            "accumulated": "frames that went into a later view of their dwell and were not published themselves",
+            "removed.STAGE": "pixels that a filter removed from the latest view; `iqr` and `sigma3` count captures of pixels",
+        },
         fates="`accumulated` (part of a later view of its dwell), ",
         warns="frames have no CameraInfo or no transform",
         more=(
@@ -142,7 +166,13 @@ NODE_TEXTS = {
             "points": "the label as an organised cloud, with the measured amplitude as intensity where there is one; computed only while subscribed",
             "pose": "solved pose of the camera in the cell, with covariance; only of an accepted view, as `CAMERA_aligned` in `/tf` and `label/path` are",
         },
-        figures=("scene", "raycaster", "tf_age_s", "incomplete", "verdict.NAME", "refused"),
+        figures={
+            **SCENE,
+            "raycaster": "library that casts the rays",
+            **FEED,
+            "verdict.NAME": "views by verdict since the node started: accepted, or why they were refused",
+            "refused": "why the newest refused view was refused",
+        },
         warns="views have no transform, or are refused (in all of a session: the cell is elsewhere; the message says who placed it, and what to do)"
         + BEHIND,
     ),
@@ -156,7 +186,11 @@ NODE_TEXTS = {
             "camera_info": "intrinsics of these rasters",
             "points": "the corrected depth as an organised cloud, with the amplitude as intensity where there is one; computed only while subscribed",
         },
-        figures=("model", "device", "kept_raw"),
+        figures={
+            "model": "file of the network",
+            "device": "processor or accelerator that it runs on",
+            "kept_raw": "share of the last frame that keeps its raw depth, 0 to 1",
+        },
         warns="the network refuses the camera, or keeps the raw depth in more than half of the image",
     ),
     "sensor": NodeText(
@@ -173,7 +207,7 @@ NODE_TEXTS = {
             "amplitude": "amplitude in the camera's unit (32FC1)",
             "camera_info": "intrinsics of these rasters",
         },
-        figures=("effects", "scene"),
+        figures={"effects": "the effects that are simulated", "scene": "the scene as `live.scene` names it"},
         warns="the camera's unit of amplitude is unknown, or effects of the model need a scene and there is none",
     ),
     "correct": NodeText(
@@ -193,7 +227,13 @@ NODE_TEXTS = {
             "delta": "the same as a motion of the hand in its own axes",
             "verdict": "one status for the reference, one for the CAD: OK accepted, WARN partial, ERROR refused, with every figure as text; ends with the next release",
         },
-        figures=("reference", "scene", "connected", "verdict", "tf_age_s", "incomplete"),
+        figures={
+            "reference": "stamp of the reference in nanoseconds, empty without one",
+            "scene": f"{SCENE['scene']}; empty without one",
+            "connected": "the arm's topic, as `live.connect` names it",
+            "verdict": "the last proposal's verdict",
+            **FEED,
+        },
         warns="there is neither a reference nor a scene" + BEHIND,
     ),
     "inspect": NodeText(
@@ -208,7 +248,13 @@ NODE_TEXTS = {
         outputs={
             "verdict": "one status per part: OK present, WARN displaced, ERROR absent, STALE not observable; its values are the figures of the verdict as text; ends with the next release"
         },
-        figures=("scene", "inspected", "first_pictures", "verdict.STATE", "tf_age_s", "incomplete"),
+        figures={
+            **SCENE,
+            "inspected": "parts that are judged",
+            "first_pictures": "colour images kept by `~/capture_reference`",
+            "verdict.STATE": "parts by state at the last `~/judge`: `present`, `absent`, `displaced`, `not_observable`",
+            **FEED,
+        },
         warns="the last call found parts absent or displaced" + BEHIND,
     ),
     "gap": NodeText(
@@ -225,7 +271,17 @@ NODE_TEXTS = {
             "camera_info": "intrinsics of this raster",
             "report": "JSON: `gap_mm`, `floor_mm`, `usual_mm`, `alarm` (growth is reported at 1), `views`, `state_of_gap`; ends with the next release",
         },
-        figures=("scene", "dwells", "state_of_gap", "gap_mm", "floor_mm", "usual_mm", "alarm", "views", "tf_age_s", "incomplete"),
+        figures={
+            **SCENE,
+            "dwells": "dwells kept for `~/diagnose`",
+            "state_of_gap": "`learning` (the first `watch.baseline` views), `steady` or `grown`",
+            "gap_mm": "gap of the last view: RMS of means of blocks of pixels above `floor_mm`",
+            "floor_mm": "RMS of the same means by noise and pose error alone",
+            "usual_mm": "median gap of the first `watch.baseline` views, `None` until then",
+            "alarm": "0 to 1; at 1, growth is reported",
+            "views": "views judged since the baseline began",
+            **FEED,
+        },
         warns="the gap grows, or a view cannot be judged" + BEHIND,
     ),
 }
