@@ -56,6 +56,11 @@ NEARER = 0.5
 """Least ratio of that exponent to the one that light off the surfaces would make of the same excess, where half of that is less than `GROWS`: the
 measured one is then nearer to that of light than to 0. A law with much light off the surfaces is enlarged nearly as a whole by more of it: by
 0.08 to 0.14 in four sessions under sunlight."""
+CONSTANT = 0
+"""Of the camera's own terms (`_own_terms`), the noise at every amplitude. `GROWS` is judged without it: beside it all light falls with amplitude,
+that of a lamp as well as that of the sun, and bright surfaces, which are the near ones, seem to have gained as much as far ones."""
+LEAST_LEFT = 0.2
+"""Least share of a bin's variance that is left when noise at every amplitude is taken off: the rest is known no better."""
 LESS_LIGHT = slice(1, 3)
 """Of the camera's own terms (`_own_terms`), those of less modulated light."""
 WHOLE = 1.0
@@ -225,7 +230,7 @@ def _compared(session: Session) -> _Compared | None:
         excess=float(np.median(excess / predicted)),
         light=of_light,
         less=float(np.median(own[:, LESS_LIGHT] @ fitted[LESS_LIGHT] / predicted)),
-        grows=_grows(bins, bins.variance, predicted),
+        grows=_grows(bins, np.maximum(bins.variance - own[:, CONSTANT] * fitted[CONSTANT], LEAST_LEFT * bins.variance), predicted),
         by_light=_grows(bins, predicted + foreign[:, 0] * max(float(np.median(excess / foreign[:, 0])), 0.0), predicted),
         views=float((of_view > 0.5 * LEAST_EXCESS).mean()),
         known_views=len(of_view) / max(len(session.views), len(of_view)),
