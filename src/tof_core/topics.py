@@ -33,7 +33,9 @@ AMPLITUDE_WORDS = frozenset(
     {"ir", "amplitude", "infra", "infrared", "intensity", "nir", "photons", "reflectance", "reflectivity", "signal"}
 )
 COLOUR_WORDS = frozenset({"camera", "color", "colour", "rgb"})
-DERIVED_WORDS = frozenset({"registered", "confidence", "mask", "sigma", "noise", "count", "reason", "label", "preproc", "infer"})
+REGISTERED_WORDS = frozenset({"aligned", "registered"})
+"""Words of depth images that a driver has registered to another camera."""
+DERIVED_WORDS = REGISTERED_WORDS | {"confidence", "mask", "sigma", "noise", "count", "reason", "label", "preproc", "infer"}
 """Words of images derived from a depth image: candidates only where there is no other."""
 OWN_WORDS = frozenset({"preproc", "label", "infer"})
 """Rooms whose nodes publish depth images and clouds."""
@@ -59,6 +61,11 @@ def base_topic(topic: str) -> str:
 def is_rectified(topic: str) -> bool:
     """Whether an image topic has image_proc's name of a rectified image: CameraInfo's P is then valid, not K and D."""
     return base_topic(topic).rpartition("/")[2].startswith("image_rect")
+
+
+def is_registered(topic: str) -> bool:
+    """Whether a topic has the name of a depth image that is registered to another camera (RealSense's aligned_depth_to_color, depth_registered)."""
+    return bool(_words(topic) & REGISTERED_WORDS)
 
 
 @dataclass(frozen=True, slots=True)

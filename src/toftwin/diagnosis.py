@@ -10,6 +10,7 @@ import numpy as np
 
 from tof_core.config import param, section
 from tof_core.memory import one_heap
+from tof_core.registered import TODO, WHAT, registered
 from tof_gap.config import GapConfig
 from tof_gap.seen.finding import CONFIDENT, Finding
 from tof_gap.session import diagnose_session
@@ -75,7 +76,14 @@ def diagnose_bag(
     caster = Raycaster(scene)
     if isinstance(reader, BoardSource):
         return diagnose_before_board(reader.session, views, caster, config, known=known, left_out=left_out, progress=progress), caster
-    return diagnose_session(views, caster, config.gap, config.align, known=known, left_out=left_out, progress=progress), caster
+    found = diagnose_session(views, caster, config.gap, config.align, known=known, left_out=left_out, progress=progress)
+    return replace(found, notes=notes_on(views, reader.topics.depth)), caster
+
+
+def notes_on(views: Sequence[View], topic: str) -> tuple[str, ...]:
+    """What matters to the verdict about the depth of a recording and its topic, one sentence each."""
+    why = registered([v.depth for v in views], topic)
+    return (f"{why}. {WHAT}. To do: {TODO}.",) if why else ()
 
 
 def diagnose_before_board(

@@ -48,6 +48,13 @@ def test_any_namespace_will_do(prefix: str) -> None:
     assert found.temperature == f"{prefix}/hand/temperature"
 
 
+def test_depth_that_is_aligned_to_colour_is_taken_only_where_there_is_no_other() -> None:
+    aligned = {"/camera/aligned_depth_to_color/image_raw": IMAGE, "/camera/aligned_depth_to_color/camera_info": INFO}
+    own = {"/camera/depth/image_rect_raw": IMAGE, "/camera/depth/camera_info": INFO}
+    assert find_topics(aligned | own, BagOptions()).depth == "/camera/depth/image_rect_raw"
+    assert find_topics(aligned, BagOptions()).depth == "/camera/aligned_depth_to_color/image_raw"
+
+
 def test_realsense_names_are_found_by_word() -> None:
     found = find_topics(
         {

@@ -34,7 +34,7 @@ class Diagnosis:
     not_testable: effects that the session cannot test, each with the reason; law: photon law of the noise that is not named,
     None where too few pixels show it; world: missing parts and foreign objects (`tof_scene.world.words.described`); stray: views
     that contradict the robot and were left out; absent: for each effect that was tested and not found, what it stays below (`tell.absent`),
-    None without a bound.
+    None without a bound; notes: what the recording's depth is, where that matters to the verdict, one sentence each.
     """
 
     verdict: tuple[str, ...]
@@ -47,6 +47,7 @@ class Diagnosis:
     world: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=lambda: {"missing": (), "foreign": ()})
     stray: tuple[int, ...] = ()
     absent: Mapping[str, Bound | None] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     @property
     def solved(self) -> Solved:

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Depth that a driver has registered to another camera is worth knowing, and the depth camera's own image is named instead."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tof_core.camera import Camera
+from tof_core.options import BagOptions
+from tof_core.topics import Topics
+from toftwin.doctor.finding import Level
+from toftwin.doctor.frames import examine_frames
+
+CAMERA = Camera(width=80, height=60, fx=70.0, fy=70.0, cx=39.5, cy=29.5)
+
+
+def message(depth: np.ndarray) -> Any:
+    """An Image of depth in metres."""
+    return SimpleNamespace(
+        height=depth.shape[0], width=depth.shape[1], encoding="32FC1", is_bigendian=0, step=4 * depth.shape[1], data=depth.tobytes()
+    )
+
+
+def notes(depth: np.ndarray, topic: str) -> list[str]:
+    """What is worth knowing about three frames."""
+    found = examine_frames([message(depth)] * 3, Topics(depth=topic), CAMERA, BagOptions(depth="radial"))
+    return [f.line() for f in found if f.level is Level.NOTE]
+
+
+def noisy(shape: tuple[int, int]) -> np.ndarray:
+    """A wall with noise."""
+    return (1.0 + np.random.default_rng(1).normal(0.0, 0.003, shape)).astype(np.float32)
+
+
+@pytest.mark.parametrize(
+    ("depth", "topic"),
+    [
+        (noisy(CAMERA.shape), "/camera/aligned_depth_to_color/image_raw"),
+        (np.repeat(np.repeat(noisy((30, 40)), 2, axis=0), 2, axis=1), "/depth/hand/image"),
+    ],
+)
+def test_registered_depth_is_a_note_that_says_what_to_record(depth: np.ndarray, topic: str) -> None:
+    (line,) = notes(depth, topic)
+    assert "registered to another camera" in line
+    assert "record the depth camera's own image" in line
+
+
+def test_the_camera_s_own_depth_is_no_note() -> None:
+    assert notes(noisy(CAMERA.shape), "/depth/hand/image") == []

@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a diagnosis notes about the depth of a recording."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.tof_gap.quiet_views import views
+from toftwin.diagnosis import notes_on
+
+
+@pytest.mark.parametrize(("topic", "notes"), [("/hand/depth/image_raw", 0), ("/hand/aligned_depth_to_color/image_raw", 1)])
+def test_depth_registered_to_another_camera_is_noted_in_one_sentence(topic: str, notes: int) -> None:
+    found = notes_on([v.view for v in views(np.random.default_rng(1))], topic)
+    assert len(found) == notes
+    assert all(f"{topic} is registered to another camera. Sloping surfaces" in text for text in found)
