@@ -12,7 +12,7 @@ import numpy as np
 from tof_gap.seen.exposure import exposed
 from tof_gap.seen.finding import Finding
 from tof_gap.seen.lit_places import lit_places
-from tof_gap.seen.photons import as_captures_differ, binned, brightness, code_step, fit_law, variance_of_mean
+from tof_gap.seen.photons import as_captures_differ, binned, brightness, code_step, fit_law, usual_ratio, variance_of_mean
 from tof_gap.seen.residual import single
 from tof_gap.seen.session import session_of
 from tof_gap.seen.whole_average import wholly_averaged
@@ -57,7 +57,8 @@ def detected_effects(
 
 def judged(views: Sequence[ViewEvidence], limits: NoiseLimits, law: PhotonLaw | None) -> Session:
     """The session with its noise by amplitude, and whether exposures change, which matters beside a stated law alone."""
-    bins = as_captures_differ(binned(views, limits.bins, limits), 0.0 if law is None else law.between)
+    bins = binned(views, limits.bins, limits)
+    bins = bins if law is None else as_captures_differ(bins, usual_ratio(bins, law))
     whole = wholly_averaged(bins, views[0].correlation)
     # Where an average takes in fewer neighbours, views of other contents differ in noise as those of other exposures do.
     compared = whole if len(whole.view) >= limits.least_bins else bins

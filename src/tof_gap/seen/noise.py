@@ -20,7 +20,6 @@ from tof_gap.seen.line_noise import line_map, line_noise, line_noise_by_view, sh
 from tof_gap.seen.pattern import beside_pixels, single_pixels
 from tof_gap.seen.photons import (
     as_captures_differ,
-    between_ratio,
     binned,
     brightness,
     code_step,
@@ -32,6 +31,7 @@ from tof_gap.seen.photons import (
     of_means,
     of_one_capture,
     over_law,
+    usual_ratio,
 )
 from tof_gap.seen.pixel_noise import halves_agree, noisy_pixels, pixel_pattern
 from tof_gap.seen.range_code import steps_along_ray
@@ -117,7 +117,7 @@ def noise_effects(
     whole = wholly_averaged(b, near[0].correlation)
     b = whole if len(whole.view) >= limits.least_bins else b
     b = of_one_capture(without_offsets(b, near), np.array([v.view.captures for v in views], float), step, limits)
-    b = as_captures_differ(b, between_ratio(b) if law is None else law.between)
+    b = as_captures_differ(b, usual_ratio(b, law))
     fitted = None if dark else fit_law(b, step, limits)
     bright = brightness(views)
     changes = fitted is not None and exposed(b, fitted, limits, bright)

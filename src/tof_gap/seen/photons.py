@@ -83,8 +83,13 @@ def between_ratio(b: NoiseBins) -> float:
     return float(np.median(b.between[dark] / np.maximum(b.variance[dark], 1e-14))) if dark.any() else 0.0
 
 
+def usual_ratio(b: NoiseBins, law: PhotonLaw | None) -> float:
+    """`between_ratio` of the camera: of a healthy session where a stated law has it, else of this one."""
+    return law.between if law is not None and law.between > 0.0 else between_ratio(b)
+
+
 def as_captures_differ(b: NoiseBins, ratio: float) -> NoiseBins:
-    """The bins with at most the variance by which captures differ, over `ratio` (`between_ratio`; 0: no change).
+    """The bins with at most the variance by which captures differ, over `ratio` (`usual_ratio`; 0: no change).
 
     What neighbours do not share may be structure: the rest of a fixed pattern, mirror images, edges of texture. Captures share it.
     """
