@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tof_gap.seen.correlation import variance_apart
+from tof_gap.seen.dwell_noise import between_captures2
 from tof_gap.seen.finding import CONFIDENT, Finding, most
 from tof_gap.seen.foreign_light import interference
-from tof_gap.seen.photons import between_captures2, binned, code_step, fit_law
+from tof_gap.seen.photons import binned, code_step, fit_law
 from tof_gap.seen.residual import single
 from tof_sensor.effects.interference import Interference
 from tof_sensor.geometry import pose_columns

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_gap.seen.dwell_noise import as_captures_differ, usual_ratio
 from tof_gap.seen.exposure import exposed
 from tof_gap.seen.finding import Finding
 from tof_gap.seen.lit_places import lit_places
-from tof_gap.seen.photons import as_captures_differ, binned, brightness, code_step, fit_law, usual_ratio, variance_of_mean
+from tof_gap.seen.photons import binned, brightness, code_step, fit_law, variance_of_mean
 from tof_gap.seen.residual import single
 from tof_gap.seen.session import session_of
 from tof_gap.seen.whole_average import wholly_averaged

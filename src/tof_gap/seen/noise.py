@@ -14,12 +14,12 @@ from tof_core.stats import joined
 from tof_gap.seen.between_captures import stepping_captures
 from tof_gap.seen.bursts import bursts
 from tof_gap.seen.correlation import INDEPENDENT
+from tof_gap.seen.dwell_noise import as_captures_differ, usual_ratio
 from tof_gap.seen.exposure import exposed
 from tof_gap.seen.finding import CONFIDENT, Finding, most
 from tof_gap.seen.line_noise import line_map, line_noise, line_noise_by_view, shared_m
 from tof_gap.seen.pattern import beside_pixels, single_pixels
 from tof_gap.seen.photons import (
-    as_captures_differ,
     binned,
     brightness,
     code_step,
@@ -31,7 +31,6 @@ from tof_gap.seen.photons import (
     of_means,
     of_one_capture,
     over_law,
-    usual_ratio,
 )
 from tof_gap.seen.pixel_noise import halves_agree, noisy_pixels, pixel_pattern
 from tof_gap.seen.range_code import steps_along_ray

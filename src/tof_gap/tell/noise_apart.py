@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.seen.photons import between_captures2, least_mm
+from tof_gap.seen.dwell_noise import between_captures2
+from tof_gap.seen.photons import least_mm
 from tof_gap.seen.residual import noise_again
 from tof_gap.tell.levels_apart import Level
 from tof_gap.tell.noise_parts import OF_PIXELS, part_apart

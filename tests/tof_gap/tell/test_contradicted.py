@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,6 +11,8 @@ import numpy as np
 import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tof_core import se3
+from tof_core.calibration import Calibration, HandEyeLimits
 from tof_gap.config import GapConfig
 from tof_gap.limits.report import UnexplainedLimits
 from tof_gap.tell import contradicted as room
@@ -46,7 +49,14 @@ def account(left: np.ndarray, alike_m: float = 0.0, **maps: np.ndarray) -> Any:
     named = [SimpleNamespace(name=name, suspected=False, confidence=1.0) for name in maps]
     arms_sd = np.full((VIEWS, 6), 1e-6)
     solved = SimpleNamespace(
-        evidence=seen, bare=seen, maps=figures.maps, named=named, split=SimpleNamespace(held_out=HELD), arms_sd=arms_sd
+        evidence=seen,
+        bare=seen,
+        maps=figures.maps,
+        named=named,
+        names=lambda name: name in maps,
+        hand_eye=np.eye(4),
+        split=SimpleNamespace(held_out=HELD),
+        arms_sd=arms_sd,
     )
     return SimpleNamespace(solved=solved, figures=figures, findings=(), causes=(), follows=False, sags=False, astray=False)
 
@@ -136,6 +146,31 @@ def test_hand_eye_is_no_constant_where_the_mount_gives_way(monkeypatch: pytest.M
     assert taken_out(found, GapConfig()) is None
     found.solved.names = lambda name: name == "hand_eye"
     assert taken_out(found, GapConfig()) == TakenOut("hand_eye", contradicted=True)
+
+
+STATED = Calibration(hand_eye=HandEyeLimits(translation_mm=2.0, rotation_deg=0.25))
+
+
+@pytest.mark.parametrize(
+    ("off", "stated", "also", "taken"),
+    [
+        ([0, 0, 0, 0, 0, 1.1], STATED, (), True),
+        ([0, 5.0, 0, 0, 0, 0], STATED, (), True),
+        ([0, 0, 0, 0, 0.4, 0], STATED, (), False),  # within what the estimates of healthy mounts reach
+        ([0, 0, 0, 0, 0, 1.1], STATED, ("hand_eye",), False),  # the mount is named itself
+        ([0, 0, 0, 0, 0, 1.1], Calibration(), (), False),  # nothing is stated that could be exceeded
+    ],
+)
+def test_a_lens_that_needs_the_camera_elsewhere_in_the_hand_is_not_believed(
+    monkeypatch: pytest.MonkeyPatch, off: list[float], stated: Calibration, also: tuple[str, ...], *, taken: bool
+) -> None:
+    """Millimetres and degrees of hand-eye; the calibration states 2 mm and 0.25 degrees."""
+    found = account(np.zeros(SHAPE), intrinsics=ramp(0.003, 0))
+    found.solved.names = lambda name: name == "intrinsics" or name in also
+    monkeypatch.setattr(room, "unfounded", lambda *_: None)
+    found.solved.hand_eye = se3.exp(np.concatenate([1e-3 * np.array(off[:3]), np.radians(off[3:])]))
+    config = replace(GapConfig(), calibration=stated)
+    assert taken_out(found, config) == (TakenOut("intrinsics", contradicted=True) if taken else None)
 
 
 def test_a_cause_that_few_resampled_sets_of_views_choose_is_taken_out(monkeypatch: pytest.MonkeyPatch) -> None:
