@@ -35,20 +35,10 @@ def bursts(views: Sequence[ViewEvidence], b: NoiseBins, step: float, limits: Noi
     ratio = view_ratio(b, quiet, len(views), limits, bright)
     # A filter that stops at edges averages fewer pixels in some views than in others.
     hit = _stand_out(np.log(ratio), limits, limits.burst_filtered if views[0].correlation.correlated else limits.burst)
-    known = hit & _at_rest(views)
-    several = known.sum() > 1 or (known.any() and ratio[known].max() > limits.alone)
+    several = hit.sum() > 1 or (hit.any() and ratio.max() > limits.alone)
     if not several or hit.sum() > (1 - limits.quiet_share) * len(views):
         return None
     return _burst(views, b, quiet, hit, limits)
-
-
-def _at_rest(views: Sequence[ViewEvidence]) -> Mask:
-    """(V,) views whose noise may show a burst: those at rest, or all of a session in motion.
-
-    Motion makes errors at texture and small edges, which differ from pixel to pixel as noise does.
-    """
-    rest = np.array([not v.frame.context.moving for v in views])
-    return rest if rest.any() else ~rest
 
 
 def _stand_out(ln_variance: Float, limits: NoiseLimits, burst: float) -> Mask:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -28,9 +27,6 @@ from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.session import NoiseBins
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 
 def rng() -> np.random.Generator:
@@ -272,17 +268,6 @@ def test_few_restless_pixels_are_noise() -> None:
 def test_views_that_scatter_everywhere_alike_are_noise_in_bursts() -> None:
     hit = np.isin(np.arange(VIEWS), (1, 4, 9))[:, None, None]
     assert said(hit * rng().normal(0, 0.006, (VIEWS, *SHAPE))) == [("noise", "in bursts: 3 of 12 views hit (views 2, 5, 10)")]
-
-
-@pytest.mark.parametrize(("moving", "found"), [((1, 4, 9), []), ((1,), ["noise"]), (range(VIEWS), ["noise"])])
-def test_views_in_motion_make_no_burst_beside_views_at_rest(moving: Sequence[int], found: list[str]) -> None:
-    """Motion makes errors at texture, which look like noise; a session in motion has no other views."""
-    hit = np.isin(np.arange(VIEWS), (1, 4, 9))[:, None, None]
-    seen = list(views(np.random.default_rng(3), hit * rng().normal(0, 0.006, (VIEWS, *SHAPE))))
-    for k in moving:
-        context = replace(seen[k].frame.context, twist=np.array([0.2, 0, 0, 0, 0, 0]))
-        seen[k] = replace(seen[k], frame=replace(seen[k].frame, context=context))
-    assert [f.name for f in noise_effects(seen, LIMITS)] == found
 
 
 def test_offsets_of_pixels_make_no_burst_of_the_views_with_most_captures() -> None:
