@@ -103,7 +103,7 @@ def text_of(name: str) -> NodeText:
     """A node's prose; one that has none here is described by its module's docstring."""
     text = (import_module(NODES[name]).__doc__ or "").partition(":")[2].strip() or name
     return NODE_TEXTS.get(name) or NodeText(
-        text.rstrip("."), text, (f"toftwin node {name}", f"ros2 run toftwin {name}"), {}, (), "its input is missing"
+        text.rstrip("."), text, (f"toftwin node {name}", f"ros2 run toftwin {name}"), {}, {}, "its input is missing"
     )
 
 

@@ -27,7 +27,7 @@ def test_noise_makes_no_copies() -> None:
 
 
 def test_neighbours_of_the_same_code_are_no_copies() -> None:
-    assert copied(np.rint(1e3 * COPIES) / 1e3) == 0.0
+    assert copied((np.rint(1e3 * COPIES) / 1e3).astype(np.float32)) == 0.0
 
 
 def test_a_surface_square_to_a_camera_without_noise_has_no_copies() -> None:
