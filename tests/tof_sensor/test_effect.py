@@ -170,6 +170,14 @@ def test_noise_that_every_capture_has_is_added_to_the_law() -> None:
     assert Quantization(step_m=1e-3 * np.sqrt(12)).added_to(law).floor_m == pytest.approx(np.hypot(3e-3, 1e-3))
 
 
+def test_noise_in_bursts_states_its_share_and_asks_what_disturbs_the_camera() -> None:
+    steady, some = Noise(extra_m=6e-3), Noise(extra_m=6e-3, duty=1 / 36)
+    assert steady.stated == "6.0 mm of noise beside the photon noise"
+    assert some.stated == "6.0 mm of noise beside the photon noise, in 3 % of the captures"
+    assert steady.remedy == Noise.REMEDY
+    assert "look for what disturbs the camera there" in some.remedy
+
+
 def test_priors_hold_a_part_by_what_it_can_do_and_anything_else_by_its_column() -> None:
     np.testing.assert_allclose(RangeOffset().prior_sd(np.array([1.0])), 0.05)
     sd = CadDeviation().prior_sd(np.repeat([1.0, 1e-3], [8, 1]))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from tof_core.config import param
+from tof_core.shares import in_percent
 from tof_sensor.effect import Effect, Evidence
 from tof_sensor.frame import with_noise
 from tof_sensor.session import NO_AMPLITUDE
@@ -18,6 +19,13 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_sensor.frame import Frame
     from tof_sensor.session import Session
+
+
+OF_BURSTS = (
+    "record those views again; if they stay noisy, look for what disturbs the camera there: a light, its supply, or what it sees, such as a "
+    "surface that hardly returns light"
+)
+"""Remedy where some captures are noisier than the others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +45,14 @@ class Noise(Effect):
 
     @property
     def stated(self) -> str:
-        """Its standard deviation."""
-        return f"{1e3 * self.extra_m:.1f} mm of noise beside the photon noise"
+        """Its standard deviation, and in bursts the share of the captures."""
+        some = f", in {in_percent(self.duty)} of the captures" if self.in_bursts else ""
+        return f"{1e3 * self.extra_m:.1f} mm of noise beside the photon noise{some}"
+
+    @property
+    def remedy(self) -> str:
+        """Longer dwells; in bursts, the disturbance of those captures."""
+        return OF_BURSTS if self.in_bursts else self.REMEDY
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
         """Add the noise of the effect."""
