@@ -2,8 +2,8 @@
 """Depth images that a driver has registered to another camera, such as the colour camera of the same hand.
 
 A driver moves each point of the depth camera to a pixel of the other camera, to the nearest whole one, and keeps the nearest of several
-points. So a slope is measured with errors of half a pixel times its depth per pixel, which neighbours share, and too near. Where the
-other camera has more pixels, points are copied to several of them.
+points. So depth on a slope is off by up to half of its step from pixel to pixel, an error that neighbours share. Where the other camera
+has more pixels, points are copied to several of them, and the nearest of these copies make the slope too near.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ WIDE_PX = 5
 """Pixels that no point is copied to side by side: equal depths over as many are a surface square to the camera, without noise, as a simulator has it."""
 CODED = 0.5
 """Least share of depths in whole millimetres from which depth is written in codes: neighbours then have the same one by rounding."""
-WHAT = "Sloping surfaces are off by up to half a pixel, and too near"
+WHAT = "On slopes depth is off by up to half of its step from pixel to pixel, and too near where pixels are copies"
 TODO = "record the depth camera's own image with its camera_info"
 
 

@@ -14,4 +14,4 @@ from toftwin.diagnosis import notes_on
 def test_depth_registered_to_another_camera_is_noted_in_one_sentence(topic: str, notes: int) -> None:
     found = notes_on([v.view for v in views(np.random.default_rng(1))], topic)
     assert len(found) == notes
-    assert all(f"{topic} is registered to another camera. Sloping surfaces" in text for text in found)
+    assert all(f"{topic} is registered to another camera. On slopes depth is off" in text for text in found)
