@@ -26,8 +26,8 @@ def correlation_of(views: Sequence[ViewEvidence]) -> NoiseCorrelation:
 
 def _between2(views: Sequence[ViewEvidence]) -> float:
     """Variance of the mean of a dwell as its captures differ, over that which neighbours show: median of the dwells; 0 without any."""
-    dwells = [v for v in views if v.view.captures > 1 and v.smooth.any()]
-    over = [np.nanmedian((v.view.count / v.view.captures * (v.view.sigma / v.sigma) ** 2)[v.smooth]) for v in dwells]
+    ratios = [(v.view.count / v.view.captures * (v.view.sigma / v.sigma) ** 2)[v.smooth] for v in views if v.view.captures > 1]
+    over = [np.median(known) for r in ratios if len(known := r[np.isfinite(r)])]
     return float(np.median(over)) if over else 0.0
 
 
