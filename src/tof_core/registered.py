@@ -37,10 +37,10 @@ def registered(depths: Sequence[Image], topic: str) -> str:
     depths: (H, W) metres, NaN without depth, of some frames or means of dwells; topic: its name, empty where depth has none.
     """
     if topic and is_registered(topic):
-        return f"by its name, {topic} is registered to another camera"
+        return f"By the name of its topic, {topic}, depth is registered to another camera"
     share = float(np.median([copied(z) for z in depths])) if depths else 0.0
     return (
-        f"{in_percent(share)} of neighbouring pixels are copies of each other: depth is registered to another camera"
+        f"Depth is registered to another camera: {in_percent(share)} of neighbouring pixels are copies of each other"
         if share >= COPIES
         else ""
     )

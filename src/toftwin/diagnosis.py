@@ -14,6 +14,7 @@ from tof_core.registered import TODO, WHAT, registered
 from tof_gap.config import GapConfig
 from tof_gap.seen.finding import CONFIDENT, Finding
 from tof_gap.session import diagnose_session
+from tof_gap.tell.diagnosis import Note
 from tof_gap.tell.difference import AgainstLimits
 from tof_scene.raycast import Raycaster
 from tof_sensor.effects.intrinsics import Intrinsics
@@ -80,10 +81,10 @@ def diagnose_bag(
     return replace(found, notes=notes_on(views, reader.topics.depth)), caster
 
 
-def notes_on(views: Sequence[View], topic: str) -> tuple[str, ...]:
-    """What matters to the verdict about the depth of a recording and its topic, one sentence each."""
+def notes_on(views: Sequence[View], topic: str) -> tuple[Note, ...]:
+    """What matters to the verdict about the depth of a recording and its topic."""
     why = registered([v.depth for v in views], topic)
-    return (f"{why}. {WHAT}. To do: {TODO}.",) if why else ()
+    return (Note(f"{why}. {WHAT}.", f"{TODO[0].upper()}{TODO[1:]}."),) if why else ()
 
 
 def diagnose_before_board(

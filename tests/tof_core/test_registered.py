@@ -17,7 +17,7 @@ COPIES = np.repeat(np.repeat(OWN, 2, axis=0), 2, axis=1)
 def test_half_of_the_neighbours_are_copies_where_every_point_fills_two_by_two_pixels() -> None:
     assert copied(COPIES) == pytest.approx(0.5, abs=0.01)
     assert (
-        registered([COPIES], "/cam/depth") == "50 % of neighbouring pixels are copies of each other: depth is registered to another camera"
+        registered([COPIES], "/cam/depth") == "Depth is registered to another camera: 50 % of neighbouring pixels are copies of each other"
     )
 
 
@@ -42,7 +42,7 @@ def test_an_image_without_neighbours_has_no_copies(depth: np.ndarray) -> None:
 
 @pytest.mark.parametrize("topic", ["/camera/aligned_depth_to_color/image_raw", "/depth_registered/hand/image"])
 def test_a_name_says_that_depth_is_registered(topic: str) -> None:
-    assert registered([OWN], topic) == f"by its name, {topic} is registered to another camera"
+    assert registered([OWN], topic) == f"By the name of its topic, {topic}, depth is registered to another camera"
 
 
 def test_depth_of_a_cloud_has_no_topic() -> None:

@@ -11,7 +11,8 @@ from toftwin.diagnosis import notes_on
 
 
 @pytest.mark.parametrize(("topic", "notes"), [("/hand/depth/image_raw", 0), ("/hand/aligned_depth_to_color/image_raw", 1)])
-def test_depth_registered_to_another_camera_is_noted_in_one_sentence(topic: str, notes: int) -> None:
+def test_depth_registered_to_another_camera_is_noted_with_what_to_record(topic: str, notes: int) -> None:
     found = notes_on([v.view for v in views(np.random.default_rng(1))], topic)
     assert len(found) == notes
-    assert all(f"{topic} is registered to another camera. On slopes depth is off" in text for text in found)
+    assert all("registered to another camera. On slopes depth is off" in note.what for note in found)
+    assert all(note.todo == "Record the depth camera's own image with its camera_info." for note in found)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tof_gap.seen.foreign_light import beside_light
 
@@ -25,6 +25,13 @@ if TYPE_CHECKING:
     from tof_sensor.effects.photon_law import PhotonLaw
 
 
+class Note(NamedTuple):
+    """What matters to the verdict about the depth of a recording, in a sentence, and what to do about it, in another."""
+
+    what: str
+    todo: str
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagnosis:
     """All that the report states; lists are per view in bag order.
@@ -34,7 +41,7 @@ class Diagnosis:
     not_testable: effects that the session cannot test, each with the reason; law: photon law of the noise that is not named,
     None where too few pixels show it; world: missing parts and foreign objects (`tof_scene.world.words.described`); stray: views
     that contradict the robot and were left out; absent: for each effect that was tested and not found, what it stays below (`tell.absent`),
-    None without a bound; notes: what the recording's depth is, where that matters to the verdict, one sentence each.
+    None without a bound; notes: on the depth of the recording.
     """
 
     verdict: tuple[str, ...]
@@ -47,7 +54,7 @@ class Diagnosis:
     world: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=lambda: {"missing": (), "foreign": ()})
     stray: tuple[int, ...] = ()
     absent: Mapping[str, Bound | None] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
     @property
     def solved(self) -> Solved:

@@ -59,7 +59,7 @@ def report(d: Diagnosis, caster: Raycaster, maps: list[Ints], advice: list[str],
         {
             "schema": SCHEMA,
             "verdict": list(d.verdict),
-            "notes": list(d.notes),
+            "notes": [note._asdict() for note in d.notes],
             "gap": _shrink(d.gap)
             | {"explainable": d.explainable, "dispersion": _dispersion(d), "missing": _missing(d), "floor_from": _floor_from(d)},
             "causes": [_cause(c, d) for c in d.causes] + [_finding(f) for f in not_expected(d.findings)],

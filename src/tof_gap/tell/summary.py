@@ -41,7 +41,7 @@ def summary(d: Diagnosis) -> list[str]:
     stray = [f"left out: {of_views(d.stray)}, whose depth fits the CAD only at poses where the arm cannot have been"] if d.stray else []
     return [
         f"verdict: {', '.join(sorted(d.verdict, key=lambda name: name == UNKNOWN))}{meaning_of(d.verdict)}",
-        *(f"note: {text}" for text in d.notes),
+        *(f"note: {what} To do: {todo}" for what, todo in d.notes),
         *_gap_lines(d),
         *_cause_lines(d),
         *_pose_lines(d),

@@ -81,7 +81,7 @@ def _suspects(content: dict[str, Any]) -> list[str]:
 
 def todo(content: dict[str, Any]) -> list[str]:
     """What to do now, the most useful first; empty where nothing needs to be done."""
-    lines = []
+    lines = [note["todo"] for note in content["notes"]]
     if any(v not in ("none", "unknown") for v in content["verdict"]):
         lines.append(
             "Use the fitted effects: pass sensor.yaml, which lies beside this page, as --sensor to toftwin label, correct, inspect or gap, "

@@ -101,7 +101,8 @@ def content(
     *verdict: str, where: tuple[str, ...] = (), advice: tuple[str, ...] = (), missing: tuple[str, ...] = (), moving: tuple[bool, ...] = ()
 ) -> dict[str, Any]:
     world = {"missing": [{"part": name} for name in missing], "foreign": [{"moves": moves} for moves in moving]}
-    return {"verdict": list(verdict), "causes": [], "unexplained": {"where": list(where)}, "advice": list(advice), "world": world}
+    left = {"where": list(where)}
+    return {"verdict": list(verdict), "notes": [], "causes": [], "unexplained": left, "advice": list(advice), "world": world}
 
 
 def test_an_interval_shows_no_more_than_all_of_the_gap() -> None:
@@ -127,6 +128,11 @@ def test_what_to_do_follows_the_verdict_the_world_and_the_advice() -> None:
         True,
     ]
     assert "--sensor" not in " ".join(todo(content("unknown")))
+
+
+def test_the_remedy_of_a_note_comes_first() -> None:
+    noted = content("unknown", where=("panel",)) | {"notes": [{"what": "Depth is registered.", "todo": "Record another image."}]}
+    assert [line.split()[0] for line in todo(noted)] == ["Record", "Look"]
 
 
 @pytest.mark.parametrize(("moving", "words"), [((False,), ["Correct the cell"]), ((True,), ["Look at the views"]), ((False, True), ["Correct the cell", "Look at the views"])])  # fmt: skip
