@@ -27,7 +27,7 @@ def between_ratio(b: NoiseBins) -> float:
 
     A camera that filters over captures makes them alike, one that filters over neighbours makes these alike.
     """
-    if b.between is None:
+    if b.between is None or not len(b.amplitude):
         return 0.0
     dark = (b.amplitude <= np.median(b.amplitude)) & np.isfinite(b.between)
     return float(np.median(b.between[dark] / np.maximum(b.variance[dark], 1e-14))) if dark.any() else 0.0

@@ -53,10 +53,12 @@ def test_structure_that_all_captures_share_is_no_noise(share: float) -> None:
     assert np.median((alone.variance / clean.variance)[bright]) < 0.8 * np.median((rough.variance / clean.variance)[bright])
 
 
+@pytest.mark.filterwarnings("error")
 def test_views_of_one_capture_and_an_unknown_ratio_change_nothing() -> None:
     b = binned(views(np.random.default_rng(3)), LIMITS.bins, LIMITS)
     assert between_ratio(b) == 0.0
     assert as_captures_differ(b, 0.0) is b
+    assert between_ratio(b.of(b.view < 0)) == 0.0, "without a bin"
     np.testing.assert_array_equal(as_captures_differ(b, 0.5).variance, b.variance)
 
 
