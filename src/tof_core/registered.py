@@ -28,7 +28,7 @@ WIDE_PX = 5
 CODED = 0.5
 """Least share of depths in whole millimetres from which depth is written in codes: neighbours then have the same one by rounding."""
 WHAT = "On slopes depth is off by up to half of its step from pixel to pixel, and too near where pixels are copies"
-TODO = "record the depth camera's own image with its camera_info"
+REMEDY = "record the depth camera's own image with its camera_info"
 
 
 def registered(depths: Sequence[Image], topic: str) -> str:
@@ -39,18 +39,18 @@ def registered(depths: Sequence[Image], topic: str) -> str:
     if topic and is_registered(topic):
         return f"By the name of its topic, {topic}, depth is registered to another camera"
     share = float(np.median([copied(z) for z in depths])) if depths else 0.0
-    return (
-        f"Depth is registered to another camera: {in_percent(share)} of neighbouring pixels are copies of each other"
-        if share >= COPIES
-        else ""
-    )
+    if share < COPIES:
+        return ""
+    return f"Depth is registered to another camera: {in_percent(share)} of neighbouring pixels are copies of each other"
 
 
 def copied(depth: Image) -> float:
     """Share of the neighbours along rows of which one is a copy of the other, 0 where depth (H, W) is written in codes."""
     one, other, far = depth[:, :-WIDE_PX], depth[:, 1 : 1 - WIDE_PX], depth[:, WIDE_PX:]
     seen = np.isfinite(one) & np.isfinite(other) & np.isfinite(far)
-    mm = 1e3 * depth[np.isfinite(depth)].astype(np.float64)
-    if not seen.any() or float(np.mean(np.abs(mm - np.rint(mm)) < 1e-3)) >= CODED:
+    copies = (one == other) & (one != far) & seen
+    if not copies.any():  # As in nearly every image of depth without codes: whether there are codes need not be looked at.
         return 0.0
-    return float(np.mean(((one == other) & (one != far))[seen]))
+    mm = 1e3 * depth[np.isfinite(depth)].astype(np.float64)
+    coded = float(np.mean(np.abs(mm - np.rint(mm)) < 1e-3)) >= CODED
+    return 0.0 if coded else float(copies.sum() / seen.sum())

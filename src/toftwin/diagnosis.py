@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_core.config import param, section
 from tof_core.memory import one_heap
-from tof_core.registered import TODO, WHAT, registered
+from tof_core.registered import REMEDY, WHAT, registered
 from tof_gap.config import GapConfig
 from tof_gap.seen.finding import CONFIDENT, Finding
 from tof_gap.session import diagnose_session
@@ -84,7 +84,7 @@ def diagnose_bag(
 def notes_on(views: Sequence[View], topic: str) -> tuple[Note, ...]:
     """What matters to the verdict about the depth of a recording and its topic."""
     why = registered([v.depth for v in views], topic)
-    return (Note(f"{why}. {WHAT}.", f"{TODO[0].upper()}{TODO[1:]}."),) if why else ()
+    return (Note(f"{why}. {WHAT}.", f"{REMEDY.capitalize()}."),) if why else ()
 
 
 def diagnose_before_board(

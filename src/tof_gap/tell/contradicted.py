@@ -92,9 +92,9 @@ def unmounted(found: Account, stated: Calibration) -> str | None:
     """
     if not found.solved.names(Intrinsics.NAME) or found.solved.names(HandEye.NAME) or not all(stated.hand_eye_most):
         return None
-    off = se3.log(found.solved.hand_eye)
-    over = [float(np.linalg.norm(off[at])) / most for at, most in zip((slice(3), slice(3, 6)), stated.hand_eye_most, strict=True)]
-    return Intrinsics.NAME if max(over) > MOUNT else None
+    metres, degrees = se3.distance(np.eye(4), found.solved.hand_eye)
+    over = max(1e3 * metres / stated.hand_eye.translation_mm, degrees / stated.hand_eye.rotation_deg)
+    return Intrinsics.NAME if over > MOUNT else None
 
 
 def unchosen(found: Account, limit: UnexplainedLimits) -> str | None:

@@ -12,7 +12,7 @@ from tof_core.errors import ToftwinError
 from tof_core.flat.radial import radial_evidence
 from tof_core.flat.wide_plane import wide_bend
 from tof_core.reasons import Reason
-from tof_core.registered import TODO, WHAT, registered
+from tof_core.registered import REMEDY, WHAT, registered
 from tof_core.shares import in_percent
 from toftwin.doctor.finding import fix, note, ok, refused
 
@@ -46,7 +46,7 @@ def examine_frames(messages: Sequence[Any], topics: Topics, camera: Camera, opti
     yield codes(reasons)
     yield from distances(np.stack(depths), options)
     if why := registered(depths, topics.depth):
-        yield note(CHECK, f"{why}. {WHAT}", TODO)
+        yield note(CHECK, f"{why}. {WHAT}", REMEDY)
     if options.depth == "z":
         yield radial(depths, camera)
 
