@@ -75,7 +75,7 @@ class ColumnStore:
     def __init__(self, views: Sequence[ViewEvidence], folds: Ints) -> None:
         """An empty store; folds (V,): fold of each view in the selection."""
         self.views = views
-        self._folds = folds
+        self.folds = folds
         self._thinned = [v.frame.take(v.pixels) for v in views]
         self._lines: list[LineMeans] = []
         self._areas: list[Float] = []
@@ -89,8 +89,8 @@ class ColumnStore:
         """
         missing = {c.source: c for c in tested if c.source not in self._kept}
         if not self._lines and any(isinstance(c.effect, FixedPattern) for c in missing.values()):
-            self._lines = line_means_of_others(self.views, self._folds)
-            self._areas = area_maps_of_others(self.views, self._folds)
+            self._lines = line_means_of_others(self.views, self.folds)
+            self._areas = area_maps_of_others(self.views, self.folds)
         by_view = in_threads(lambda v: [self._columns(c, v).astype(np.float32) for c in missing.values()], range(len(self.views)))
         self._kept = self._kept | dict(zip(missing, map(list, zip(*by_view, strict=True)), strict=True))
         self._squares = self._squares | {source: _squares(self._kept[source]) for source in missing}

@@ -33,17 +33,19 @@ GOES_WITH = {
     "attitude": "the hand's attitude, as where its mount or the arm gives way",
     "arm": "the arm's pose, whose errors exceed what the robot's prior allows",
     "stray_light": "stray light over the returned light",
+    "region": "the region of the cell that light comes from",
 }
 """Words for observables whose names are no words of a reader."""
 HELD = 1e-9
 """Metres and radians from the stated hand-eye up to which it was not estimated: rounding errors."""
 FIRST_LOOK = {
     "stray_light": "Check the camera's window and the air before it: light that a cover glass reflects, or that spreads in dirt, dust or fog, errs with stray light over the returned light.",
+    "region": "Check for glass, film or liquid before the parts: light into one region of the cell is late by one amount.",
     "viewed": "Check the camera's exposure, supply and driver: it errs by another amount in each view, as distance and brightness change.",
     "column": "Check the camera's read-out, and reflections in its window: the error keeps to columns of the image.",
     "row": "Check the camera's read-out, and reflections in its window: the error keeps to rows of the image.",
 }
-"""What to check first where an error of the camera itself shows in what the error varies with."""
+"""What to check first where the cause shows in what the error varies with."""
 SHOWN_MM = 0.05
 """Size in millimetres below which 0.0 would be stated."""
 SHOWN_RMS_MM = 0.005
@@ -107,8 +109,10 @@ def where_to_look(where: Sequence[str], depends_on: Sequence[str] = (), suspects
     if "attitude" in depends_on:
         return "Check the camera's mount and the arm for play: the camera turns under its own weight as the hand turns."
     light = f" (suspected: {listed(suspects)})" if suspects else ""
-    first = next((FIRST_LOOK[quantity] for quantity in depends_on if quantity in FIRST_LOOK), "")
-    look, check = ("If it is in order, look", "If it is in order, check") if first else ("Look", "Check")
+    sign = next((quantity for quantity in depends_on if quantity in FIRST_LOOK), "")
+    first = FIRST_LOOK.get(sign, "")
+    nothing = "If there is none" if sign == "region" else "If it is in order"
+    look, check = (f"{nothing}, look", f"{nothing}, check") if first else ("Look", "Check")
     if "arm" in depends_on:
         then = (
             f"{check} the arm's encoders, the base and TF: camera poses err from view to view by more than align.priors.arm_mm and arm_deg. "

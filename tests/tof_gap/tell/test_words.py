@@ -190,6 +190,9 @@ def test_what_varies_as_the_camera_s_own_errors_do_is_looked_for_in_the_camera_f
     first, then = where_to_look(("floor",), ("stray_light",)).split(". ", 1)
     assert first.startswith("Check the camera's window and the air before it")
     assert then.startswith("If it is in order, look at floor")
+    assert where_to_look(("door",), ("region",)).startswith(
+        "Check for glass, film or liquid before the parts: light into one region of the cell is late by one amount. If there is none, look at door,"
+    )
     assert where_to_look((), ("viewed", "arm")).index("supply and driver") < where_to_look((), ("viewed", "arm")).index(
         "the arm's encoders"
     )
