@@ -29,3 +29,5 @@ class Reason(IntEnum):
     """Amplitude below or above the configured bounds."""
     NOT_CAD = 12
     """On an object that differs from the CAD: at a missing part, on a foreign object."""
+    OUT_OF_FIELD = 13
+    """Outside of the field that the camera lights: no depth in any view of a session."""

@@ -12,6 +12,7 @@ import numpy as np
 from tof_align.folds import deal
 from tof_core.errors import RefusedError
 from tof_core.memory import give_back
+from tof_gap.seen.field import within_field
 from tof_gap.seen.photons import own_law
 from tof_gap.seen.residual import less
 from tof_gap.solve.apart import set_apart
@@ -88,7 +89,7 @@ def diagnose(
     left_out = left_out | untestable.keys() | {f.name for f in given}
     few, rng = len(views) < config.solve.views, np.random.default_rng(config.evidence.seed)
     progress(FIRST)
-    begun, along_ray = gate(views, caster, config, align, asked=RadialDepth.NAME not in left_out)
+    begun, along_ray = gate(within_field(views), caster, config, align, asked=RadialDepth.NAME not in left_out)
     check_enough(views, along_ray, config.solve.views)
     recorded = begun.views
     world, begun = set_apart(begun, caster, config, align)

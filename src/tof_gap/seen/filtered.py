@@ -13,7 +13,7 @@ from tof_core.shares import in_percent
 from tof_core.stats import pairs_below
 from tof_gap.seen.edges import edge_band
 from tof_gap.seen.finding import LOSS_CONFIDENT, Finding
-from tof_gap.seen.lost import NEIGHBOURS, expected, lost_share, other_than_cad
+from tof_gap.seen.lost import NEIGHBOURS, expected, lost_share, not_judged
 from tof_sensor.effects.phase_wrap import SINGLE_PIXELS, PhaseWrap
 from tof_sensor.frame import lambert_amplitude
 
@@ -83,12 +83,12 @@ def filtered(views: Sequence[ViewEvidence], limits: MissingLimits) -> Removed:
     without an amplitude image.
     """
     inside = [expected(v, limits) for v in views]
-    lost = [~(v.view.valid | other_than_cad(v)) & i for v, i in zip(views, inside, strict=True)]
+    lost = [~(v.view.valid | not_judged(v)) & i for v, i in zip(views, inside, strict=True)]
     at_times = [v.view.valid & i & (v.view.returned > 0.0) & (v.view.returned < 1.0) for v, i in zip(views, inside, strict=True)]
     if _changes(views, inside, at_times, limits) and _of_outliers(views, inside, at_times, at_times, limits.filter):
         either = [np.asarray(a | g) for a, g in zip(at_times, lost, strict=True)]
         return Removed(either, "in some captures of a dwell and not in others, in weak light")
-    shaped = [_shaped(v.view.valid | other_than_cad(v), limits.filter) & i for v, i in zip(views, inside, strict=True)]
+    shaped = [_shaped(v.view.valid | not_judged(v), limits.filter) & i for v, i in zip(views, inside, strict=True)]
     single = [_single(v.view.valid) & i for v, i in zip(views, inside, strict=True)]
     if _pixels(shaped) >= _pixels(single):  # Few holes of independent pixels have a filter's shape by chance.
         if _of_outliers(views, inside, shaped, shaped, limits.filter):

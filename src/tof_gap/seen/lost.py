@@ -41,19 +41,19 @@ LEAST_COVER = 0.1
 def expected(view: ViewEvidence, limits: MissingLimits) -> Mask:
     """(H, W) pixels that should return light: on the CAD, not at grazing incidence, away from edges and from steps of a fixed pattern.
 
-    Nor beside missing parts and foreign objects, which were taken out: their outlines are edges too. A lamp beside the lens casts a shadow
+    Nor beside missing parts and foreign objects, which were taken out, nor at the border of the camera's field: their outlines are edges too. A lamp beside the lens casts a shadow
     beside an edge: some pixels wide, or many by near surfaces. A filter in the camera mistakes steps of the pattern for edges.
     """
     grazing = view.rendering.incidence > np.radians(limits.lost_grazing_deg)
-    edge = view.edge | other_than_cad(view)
+    edge = view.edge | not_judged(view)
     beside = binary_dilation(edge, iterations=limits.edge_reach_px) if limits.edge_reach_px else edge
     smooth = view.frame.valid & ~beside & ~grazing & ~shadowed(view.frame.depth, view.frame.camera, limits.lamp_m)
     return np.asarray(smooth if view.stepped is None else smooth & ~view.stepped)
 
 
-def other_than_cad(view: ViewEvidence) -> Mask:
-    """(H, W) pixels of missing parts and foreign objects, which were taken out of the view (`seen.world`)."""
-    return np.asarray(view.view.reason == Reason.NOT_CAD)
+def not_judged(view: ViewEvidence) -> Mask:
+    """(H, W) pixels of missing parts and foreign objects, which were taken out of the view (`seen.world`), and outside of the camera's field."""
+    return np.isin(view.view.reason, (Reason.NOT_CAD, Reason.OUT_OF_FIELD))
 
 
 def brightest(views: Sequence[ViewEvidence], limits: MissingLimits) -> float:
