@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, views
-from tof_core.capture import View
 from tof_core.reasons import Reason
 from tof_gap.limits.missing import MissingLimits
 from tof_gap.seen.field import LEAST_VIEWS, outside_field, within_field
@@ -17,6 +16,7 @@ from tof_gap.seen.lost import expected, losses_of
 
 if TYPE_CHECKING:
     from tof_core.arrays import Mask
+    from tof_core.capture import View
 
 ROW, COLUMN = np.mgrid[: SHAPE[0], : SHAPE[1]]
 CIRCLE = np.hypot(COLUMN - CAMERA.cx, ROW - CAMERA.cy) < 45.0
