@@ -6,6 +6,8 @@ from __future__ import annotations
 from math import atan, degrees
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from tof_core.decode import camera_from_info, image_size
 from tof_core.errors import CameraError
 from tof_core.topics import is_rectified
@@ -53,13 +55,20 @@ def described(camera: Camera) -> str:
 
 
 def field_deg(camera: Camera) -> tuple[float, float]:
-    """Horizontal and vertical field of view without distortion, degrees."""
+    """Horizontal and vertical field of view through the middle of the image, degrees; without distortion where it reaches beyond the lens."""
+    at_ends = [[-0.5, camera.cy], [camera.width - 0.5, camera.cy]], [[camera.cx, -0.5], [camera.cx, camera.height - 0.5]]
+    width, height = (float(np.degrees(np.ptp(np.arctan(camera.rays_at(ends)[:, axis])))) for axis, ends in enumerate(at_ends))
+    return (width, height) if np.isfinite([width, height]).all() else _of_matrix_deg(camera)
+
+
+def _of_matrix_deg(camera: Camera) -> tuple[float, float]:
+    """Field of view by the camera matrix alone, degrees."""
     return 2 * degrees(atan(camera.width / 2 / camera.fx)), 2 * degrees(atan(camera.height / 2 / camera.fy))
 
 
 def plausible(camera: Camera) -> Iterator[Finding]:
     """Findings about values that no calibration of this image size gives."""
-    angles = field_deg(camera)
+    angles = _of_matrix_deg(camera)
     if not all(FIELD_DEG[0] < a < FIELD_DEG[1] for a in angles):
         what = f"field of view {angles[0]:.0f} x {angles[1]:.0f} degrees: K seems to belong to an image size other than {camera.width}x{camera.height}"
         yield fix(CHECK, what, CALIBRATE)
