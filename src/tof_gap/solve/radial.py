@@ -63,8 +63,9 @@ def gate(
 
 
 def _from_distances(view: View) -> View:
-    """The view whose image holds distances along the ray, as z."""
-    return replace(view, depth=radial_to_z(view.camera, view.depth))
+    """The view whose image holds distances along the ray, as z, with the deviations of its captures."""
+    noise = None if view.noise is None else radial_to_z(view.camera, view.noise)
+    return replace(view, depth=radial_to_z(view.camera, view.depth), sigma=radial_to_z(view.camera, view.sigma), noise=noise)
 
 
 def _bends(view: View) -> bool:

@@ -92,3 +92,13 @@ def test_a_converted_view_keeps_the_camera_s_codes(step_m: float) -> None:
     begun, found = radial.gate(coded, None, CONFIG, ALIGN)  # type: ignore[arg-type]
     assert found is not None
     np.testing.assert_allclose([e.step_m for e in begun.evidence], step_m, atol=1e-6)
+
+
+def test_the_deviations_of_the_captures_are_converted_with_their_mean() -> None:
+    length = CAMERA.ray_length().astype(np.float32)
+    taken = [replace(v, sigma=0.002 * length, noise=0.004 * length) for v in recorded(along_ray=True)]
+    begun, _ = radial.gate(taken, None, CONFIG, ALIGN)  # type: ignore[arg-type]
+    for v in begun.views:
+        assert v.noise is not None
+        np.testing.assert_allclose(v.sigma, 0.002, rtol=1e-5)
+        np.testing.assert_allclose(v.noise, 0.004, rtol=1e-5)
