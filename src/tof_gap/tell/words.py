@@ -237,8 +237,11 @@ def hand_eye_words(hand_eye: Float) -> str:
 
 def small_words(names: Sequence[str], sizes_mm: Mapping[str, float]) -> str:
     """Effects and observables that a healthy camera or the stated calibration may have, with known sizes; none that rounds to 0.0 mm."""
-    shown = [name for name in names if sizes_mm.get(name, SHOWN_MM) >= SHOWN_MM]
-    return ", ".join(name + (f" ({sizes_mm[name]:.1f} mm)" if name in sizes_mm else "") for name in shown)
+    from tof_sensor.registry import EFFECTS
+
+    shown = {name: name if name in EFFECTS else f"an error that varies with {quantities([name])[0]}" for name in names}
+    sized = {name: f" ({sizes_mm[name]:.1f} mm)" if name in sizes_mm else "" for name in names}
+    return ", ".join(words + sized[name] for name, words in shown.items() if sizes_mm.get(name, SHOWN_MM) >= SHOWN_MM)
 
 
 def doubt_words(unexplained: float, doubt: float) -> str:

@@ -291,6 +291,9 @@ def test_hand_eye_that_is_not_estimated_is_said_to_be_held() -> None:
 
 def test_small_effects_have_their_sizes_where_these_are_known() -> None:
     assert small_words(("hand_eye", "multipath", "motion"), {"multipath": 0.43, "motion": 0.04}) == "hand_eye, multipath (0.4 mm)"
+    assert small_words(("row", "region"), {"row": 0.3, "region": 0.9}) == (
+        "an error that varies with row (0.3 mm), an error that varies with the region of the cell that light comes from (0.9 mm)"
+    )
 
 
 def test_a_doubt_says_how_much_is_unexplained_and_how_much_may_be() -> None:
