@@ -19,6 +19,7 @@ from tof_gap.solve.candidates import candidates
 from tof_gap.solve.columns import build, stored
 from tof_gap.solve.crosstalk import crosstalk
 from tof_gap.solve.free import curves
+from tof_gap.solve.ghost import ghosts
 from tof_gap.solve.region import regions
 from tof_gap.solve.select import narrowed, select
 from tof_gap.solve.settle import followed, settled
@@ -79,7 +80,8 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
     give_back()
     # Formulas first, each in its best shape; then errors without a name compete.
     finer = refined(store, joint.design, joint.selection, joint.chain, config)
-    free = [*curves(joint.views, joint.asked), *crosstalk(joint.views, config.stated_mhz), *regions(joint.views, store.folds)]
+    light = [*crosstalk(joint.views, config.stated_mhz), *ghosts(joint.views, config.stated_mhz)]
+    free = [*curves(joint.views, joint.asked), *light, *regions(joint.views, store.folds)]
     design = build(store, [*joint.design.candidates, *finer, *free], joint.chain, config.hand_sd, config.lens_sd)
     del store  # Columns of all hypotheses take half a gigabyte in a long session; a selection needs only their products.
     joint = replace(joint, design=design, selection=select(design, config.select, joint.selection.chosen.members))

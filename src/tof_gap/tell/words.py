@@ -34,6 +34,7 @@ GOES_WITH = {
     "arm": "the arm's pose, whose errors exceed what the robot's prior allows",
     "stray_light": "stray light over the returned light",
     "region": "the region of the cell that light comes from",
+    "ghost": "the light of the opposite side of the image",
 }
 """Words for observables whose names are no words of a reader."""
 HELD = 1e-9
@@ -41,6 +42,7 @@ HELD = 1e-9
 FIRST_LOOK = {
     "stray_light": "Check the camera's window and the air before it: light that a cover glass reflects, or that spreads in dirt, dust or fog, errs with stray light over the returned light.",
     "region": "Check for glass, film or liquid before the parts: light into one region of the cell is late by one amount.",
+    "ghost": "Check the camera's lens and window: a share of the light returns mirrored through the image's centre, as reflections between lens, window and sensor make it.",
     "viewed": "Check the camera's exposure, supply and driver: it errs by another amount in each view, as distance and brightness change.",
     "column": "Check the camera's read-out, and reflections in its window: the error keeps to columns of the image.",
     "row": "Check the camera's read-out, and reflections in its window: the error keeps to rows of the image.",
