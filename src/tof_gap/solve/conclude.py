@@ -26,7 +26,7 @@ from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.time_sync import TimeSync
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from tof_align.chain import Chain
     from tof_core.arrays import Float
@@ -69,7 +69,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         true = replace(stated, views=observe(views, caster, there, config, lens=lens_of(joint)), chain=there)
         own, nameless = true.shares(still), free_shares(joint, true.views)
     sizes = sizes_m(maps | free, evidence, split.held_out) | confirmed_m(joint, judge, true, own, nameless, split, config.solve.joint)
-    small = _small(_as_seen(sizes, maps, free, evidence, config.select), maps, config.select)
+    small = _small(_as_seen(sizes, maps, free, evidence, config.select), maps, free, config.select)
     # Errors of a healthy camera are no gap: they are subtracted before anything is stated.
     evidence = less(evidence, [by_view for name, by_view in (maps | free).items() if name in small])
     maps, free = ({name: by_view for name, by_view in one.items() if name not in small} for one in (maps, free))
@@ -136,10 +136,16 @@ def _as_seen(
     return {**sizes, Motion.NAME: sizes[Motion.NAME] * share}
 
 
-def _small(sizes: Mapping[str, float], maps: Mapping[str, Sequence[Float]], limits: SelectLimits) -> set[str]:
-    """Names of effects within a healthy camera's tolerance, and of `motion` if it explains too little of all, also at edges."""
+def _small(sizes: Mapping[str, float], maps: Mapping[str, Sequence[Float]], free: Iterable[str], limits: SelectLimits) -> set[str]:
+    """Names of effects within a healthy camera's tolerance, and of `motion` if it explains too little of all, also at edges.
+
+    Errors without a name, `free`, are one error in several terms, and are judged together by the root of the sum of their squares.
+    """
     least_mm = {Motion.NAME: limits.motion_mm}
-    small = {name for name, size in sizes.items() if size < 1e-3 * least_mm.get(name, limits.least_mm)}
+    unnamed = set(free)
+    together = float(np.sqrt(sum(sizes[name] ** 2 for name in unnamed)))
+    judged = {name: together if name in unnamed else size for name, size in sizes.items()}
+    small = {name for name, size in judged.items() if size < 1e-3 * least_mm.get(name, limits.least_mm)}
     if Motion.NAME in maps and energy_share(Motion.NAME, maps) < limits.share:
         small.add(Motion.NAME)
     return small

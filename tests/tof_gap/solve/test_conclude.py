@@ -26,10 +26,16 @@ def test_columns_of_a_pattern_are_no_noise_once_they_are_taken_off() -> None:
 @pytest.mark.parametrize(("size_m", "small"), [(0.5e-3, False), (0.3e-3, True)])
 def test_motion_counts_from_four_tenths_of_a_millimetre_on(size_m: float, *, small: bool) -> None:
     maps = {"motion": [np.full((2, 2), size_m)], "wiggling": [np.full((2, 2), 0.9e-3)]}
-    found = _small({"motion": size_m, "wiggling": 0.9e-3}, maps, SelectLimits())
+    found = _small({"motion": size_m, "wiggling": 0.9e-3}, maps, (), SelectLimits())
     assert found == ({"motion", "wiggling"} if small else {"wiggling"})
 
 
 def test_motion_that_makes_little_of_all_maps_is_small() -> None:
     maps = {"motion": [np.full((2, 2), 2e-3)], "wiggling": [np.full((2, 2), 20e-3)]}
-    assert _small({"motion": 2e-3, "wiggling": 20e-3}, maps, SelectLimits()) == {"motion"}
+    assert _small({"motion": 2e-3, "wiggling": 20e-3}, maps, (), SelectLimits()) == {"motion"}
+
+
+def test_errors_without_a_name_are_judged_together() -> None:
+    sizes = {"wiggling": 0.9e-3, "region": 0.8e-3, "y_m": 0.7e-3}
+    assert _small(sizes, {}, ("region", "y_m"), SelectLimits()) == {"wiggling"}
+    assert _small(sizes, {}, ("region",), SelectLimits()) == {"wiggling", "region", "y_m"}
