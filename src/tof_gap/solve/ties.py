@@ -38,6 +38,8 @@ def stand_ins(judge: Selector, current: Hypothesis, place: int) -> tuple[int, ..
         trial = standing_in(i)
         if trial.score - current.score > config.tie_gain or not judge.plausible(trial):
             continue
+        if judge.frees_hand([member]) and judge.contradicts_mount(trial):
+            continue  # Hand-eye would still be farther off than calibration.yaml states.
         if not _hides(judge, current, place, member, i, rest):
             continue
         if candidate.name not in found or trial.score < found[candidate.name][0]:

@@ -156,6 +156,15 @@ def test_a_map_is_hidden_where_another_leaves_a_quarter_of_it(monkeypatch: pytes
     assert ties_room._hides(judge, hypothesis(judge, "ac"), 0, 0, 1, [2]) is hides
 
 
+@pytest.mark.parametrize(("off", "tied"), [("", (1, 2)), ("b", (2,))])
+def test_what_leaves_hand_eye_beyond_its_calibration_does_not_stand_in_for_it(
+    monkeypatch: pytest.MonkeyPatch, off: str, tied: tuple[int, ...]
+) -> None:
+    monkeypatch.setattr(ties_room, "_hides", lambda *_: True)
+    judge: Any = Judge({"a": 500.0, "b": 500.0, "c": 500.0}, hand="a", off=off)
+    assert stand_ins(judge, hypothesis(judge, "a"), 0) == tied
+
+
 @pytest.mark.parametrize(("beside", "hides"), [(13.9, True), (14.1, False)])
 def test_hand_eye_is_hidden_where_it_wins_too_little_beside_another(beside: float, *, hides: bool) -> None:
     judge: Any = Judge({"bc": 500.0, "abc": 500.0 - beside, "ac": 1.0}, hand="a")
