@@ -13,6 +13,7 @@ import numpy as np
 
 from tof_core import se3
 from tof_core.memory import give_back
+from tof_core.reasons import Reason
 from tof_gap.seen.finding import not_expected
 from tof_gap.seen.photons import variance_of_mean
 from tof_gap.seen.session import amplitude_unit
@@ -171,8 +172,9 @@ def _missing(d: Diagnosis) -> dict[str, float]:
 
 
 def without_depth(d: Diagnosis) -> float:
-    """Share of CAD pixels without depth, mean of the views."""
-    return float(np.mean([np.mean(~np.isfinite(v.view.depth[v.frame.valid])) for v in d.evidence if v.frame.valid.any()]))
+    """Share of CAD pixels without depth, mean of the views; of those within the camera's field (`seen.field`)."""
+    inside = [v.frame.valid & (v.view.reason != Reason.OUT_OF_FIELD) for v in d.evidence]
+    return float(np.mean([np.mean(~v.view.valid[i]) for v, i in zip(d.evidence, inside, strict=True) if i.any()]))
 
 
 def _pose(d: Diagnosis) -> dict[str, Any]:

@@ -37,8 +37,8 @@ GOES_WITH = {
     "ghost": "the light of the opposite side of the image",
 }
 """Words for observables whose names are no words of a reader."""
-HELD = 1e-9
-"""Metres and radians from the stated hand-eye up to which it was not estimated: rounding errors."""
+HELD_MM, HELD_DEG = 0.05, 0.005
+"""Distance from the stated hand-eye that would be stated as 0.0 mm and 0.00 degrees: the prior of a mount that counts as exact leaves as much."""
 FIRST_LOOK = {
     "stray_light": "Check the camera's window and the air before it: light that a cover glass reflects, or that spreads in dirt, dust or fog, errs with stray light over the returned light.",
     "region": "Check for glass, film or liquid before the parts: light into one region of the cell is late by one amount.",
@@ -231,9 +231,9 @@ def calibration_words(stated: Calibration) -> str:
 def hand_eye_words(hand_eye: Float) -> str:
     """How far hand-eye of the solution, (4, 4), is from the stated one; the identity is an unestimated one."""
     off = log(hand_eye)
-    if np.allclose(off, 0.0, atol=HELD):
-        return "hand-eye is held at the stated one: without a calibration.yaml it counts as exact, unless it is named"
     size_mm, angle_deg = 1e3 * float(np.linalg.norm(off[:3])), float(np.degrees(np.linalg.norm(off[3:])))
+    if size_mm < HELD_MM and angle_deg < HELD_DEG:
+        return "hand-eye is held at the stated one: without a calibration.yaml it counts as exact, unless it is named"
     return f"hand-eye as estimated with the poses: {size_mm:.1f} mm and {angle_deg:.2f} degrees from the stated one"
 
 

@@ -4,15 +4,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, views
 from tof_core.reasons import Reason
 from tof_gap.limits.missing import MissingLimits
 from tof_gap.seen.field import LEAST_VIEWS, outside_field, within_field
 from tof_gap.seen.lost import expected, losses_of
+from tof_gap.tell.report import without_depth
 
 if TYPE_CHECKING:
     from tof_core.arrays import Mask
@@ -67,3 +70,9 @@ def test_what_is_outside_of_the_field_is_not_expected_to_return_and_not_lost() -
     assert losses_of(seen, limits).gone.max() == 0.0
     unmarked = [replace(v, view=of) for v, of in zip(views(np.random.default_rng(3)), lit(), strict=True)]
     assert losses_of(unmarked, limits).gone.mean() > 0.2
+
+
+def test_the_share_of_missing_pixels_is_that_within_the_field() -> None:
+    marked = [replace(v, view=of) for v, of in zip(views(np.random.default_rng(3)), within_field(lit(hole=-1)), strict=True)]
+    patch = 6 * 10 / CIRCLE.sum()
+    assert without_depth(SimpleNamespace(evidence=marked)) == pytest.approx(patch, rel=1e-6)  # type: ignore[arg-type]

@@ -286,7 +286,10 @@ def test_hand_eye_of_the_solution_is_stated_by_length_and_angle() -> None:
 
 
 def test_hand_eye_that_is_not_estimated_is_said_to_be_held() -> None:
-    assert hand_eye_words(np.eye(4)).startswith("hand-eye is held at the stated one")
+    held = "hand-eye is held at the stated one"
+    assert hand_eye_words(np.eye(4)).startswith(held)
+    assert hand_eye_words(exp([1e-5, 0.0, 0.0, 8e-5, 0.0, 0.0])).startswith(held)  # as far as the prior of an exact mount lets it go
+    assert not hand_eye_words(exp([6e-5, 0.0, 0.0, 0.0, 0.0, 0.0])).startswith(held)
 
 
 def test_small_effects_have_their_sizes_where_these_are_known() -> None:
