@@ -90,7 +90,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         sizes={n.name: sizes[n.name] for n in causes},
         tied=_tied(joint, {n.name for n in causes}),
         bare=_beside_pattern(bare, maps, config) if any(n.name == FixedPattern.NAME for n in rest) else bare,
-        unnamed_m=float(np.sqrt(sum(sizes[quantity] ** 2 for quantity in free))),
+        unnamed_m=_together_m(sizes, free),
         depends_on=tuple(quantity for quantity in joint.selection.unknown if quantity in free),
         small=tuple(sorted(small | {n.name for n in found if n not in rest})),
         small_m={name: sizes[name] for name in small},
@@ -143,12 +143,16 @@ def _small(sizes: Mapping[str, float], maps: Mapping[str, Sequence[Float]], free
     """
     least_mm = {Motion.NAME: limits.motion_mm}
     unnamed = set(free)
-    together = float(np.sqrt(sum(sizes[name] ** 2 for name in unnamed)))
-    judged = {name: together if name in unnamed else size for name, size in sizes.items()}
+    judged = {**sizes, **dict.fromkeys(unnamed, _together_m(sizes, unnamed))}
     small = {name for name, size in judged.items() if size < 1e-3 * least_mm.get(name, limits.least_mm)}
     if Motion.NAME in maps and energy_share(Motion.NAME, maps) < limits.share:
         small.add(Motion.NAME)
     return small
+
+
+def _together_m(sizes: Mapping[str, float], names: Iterable[str]) -> float:
+    """Metres: root of the sum of the squares of the sizes of these names."""
+    return float(np.sqrt(sum(sizes[name] ** 2 for name in names)))
 
 
 def _mount(joint: Joint, rest: Sequence[Named], stated: Calibration) -> Float:

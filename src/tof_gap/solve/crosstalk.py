@@ -47,12 +47,15 @@ class Crosstalk(Nameless):
         return np.stack([np.sin(phase), np.cos(phase)], axis=1) * inverse_light(view, at)
 
 
+def tried_mhz(views: Sequence[ViewEvidence], stated_mhz: tuple[float, ...]) -> tuple[float, ...]:
+    """Modulation frequencies of light beside the pixel's own: the stated ones (`merged`) or usual ones; none where all pixels are equally bright."""
+    return () if knots_of(views, AMPLITUDE) is None else merged(stated_mhz) or USUAL_MHZ
+
+
 def crosstalk(views: Sequence[ViewEvidence], stated_mhz: tuple[float, ...]) -> list[Candidate]:
-    """One candidate per frequency, of the stated ones (`merged`) or usual ones; none where all pixels are equally bright."""
-    if knots_of(views, AMPLITUDE) is None:
-        return []
+    """One candidate per frequency of `tried_mhz`."""
     out = []
-    for mhz in merged(stated_mhz) or USUAL_MHZ:
+    for mhz in tried_mhz(views, stated_mhz):
         bare = Crosstalk(mhz)
         means = np.nanmean(np.concatenate([bare.along_ray(v, v.pixels) for v in views]), axis=0)
         out.append(Candidate(UNKNOWN, None, STRAY_LIGHT, Crosstalk(mhz, tuple(means.tolist()))))

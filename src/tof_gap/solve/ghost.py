@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from tof_gap.solve.candidate import Candidate
-from tof_gap.solve.crosstalk import USUAL_MHZ
-from tof_gap.solve.free import AMPLITUDE, UNKNOWN, knots_of
+from tof_gap.solve.crosstalk import tried_mhz
+from tof_gap.solve.free import UNKNOWN
 from tof_gap.solve.nameless import Nameless, inverse_light
 from tof_sensor.frame import LIGHT_M_PER_S
-from tof_sensor.session import merged
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -57,7 +56,5 @@ def counterparts(camera: Camera, at: Ints) -> tuple[Ints, Mask]:
 
 
 def ghosts(views: Sequence[ViewEvidence], stated_mhz: tuple[float, ...]) -> list[Candidate]:
-    """One candidate per frequency, of the stated ones (`merged`) or usual ones; none where all pixels are equally bright."""
-    if knots_of(views, AMPLITUDE) is None:
-        return []
-    return [Candidate(UNKNOWN, None, GHOST, Ghost(mhz)) for mhz in merged(stated_mhz) or USUAL_MHZ]
+    """One candidate per frequency of `tried_mhz`."""
+    return [Candidate(UNKNOWN, None, GHOST, Ghost(mhz)) for mhz in tried_mhz(views, stated_mhz)]

@@ -61,9 +61,13 @@ class Cells:
     shape: tuple[int, int, int]
     inside: Ints
 
+    def corners(self, points: Float) -> Float:
+        """(n, 3) cubes of points (n, 3) in metres, counted along the grid's axes; whole numbers, outside of the grid too."""
+        return np.asarray(np.floor(points / self.side) - self.low)
+
     def contain(self, points: Float) -> Mask:
         """(n,) whether points (n, 3) in metres lie in the region."""
-        at = np.floor(np.nan_to_num(points, nan=np.inf, posinf=1e6) / self.side) - self.low
+        at = self.corners(np.nan_to_num(points, nan=np.inf, posinf=1e6))
         within = np.all((at >= 0) & (at < self.shape), axis=1)
         number = np.ravel_multi_index(tuple(np.where(within[:, None], at, 0).astype(np.int64).T), self.shape)
         return np.asarray(within & np.isin(number, self.inside))
@@ -142,7 +146,7 @@ def _delayed(drawn: Sequence[_Drawn], grid: Cells) -> Cells | None:
     """The region by these views; None without pixels, and where its delay is less than `LEAST_M`."""
     if not any(len(d.residual) for d in drawn):
         return None
-    at = (np.floor(np.concatenate([d.points for d in drawn]) / grid.side) - grid.low).astype(np.int64)
+    at = grid.corners(np.concatenate([d.points for d in drawn])).astype(np.int64)
     numbers, cube = np.unique(np.ravel_multi_index(tuple(at.T), grid.shape), return_inverse=True)
     corners = np.stack(np.unravel_index(numbers, grid.shape), axis=1)
     pairs = cKDTree(corners).query_pairs(AROUND, output_type="ndarray")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tof_core.errors import ToftwinError
-from tof_core.se3 import log
+from tof_core.se3 import distance
 from tof_core.shares import in_percent
 
 if TYPE_CHECKING:
@@ -230,20 +230,21 @@ def calibration_words(stated: Calibration) -> str:
 
 def hand_eye_words(hand_eye: Float) -> str:
     """How far hand-eye of the solution, (4, 4), is from the stated one; the identity is an unestimated one."""
-    off = log(hand_eye)
-    size_mm, angle_deg = 1e3 * float(np.linalg.norm(off[:3])), float(np.degrees(np.linalg.norm(off[3:])))
-    if size_mm < HELD_MM and angle_deg < HELD_DEG:
+    metres, degrees = distance(np.eye(4), hand_eye)
+    if 1e3 * metres < HELD_MM and degrees < HELD_DEG:
         return "hand-eye is held at the stated one: without a calibration.yaml it counts as exact, unless it is named"
-    return f"hand-eye as estimated with the poses: {size_mm:.1f} mm and {angle_deg:.2f} degrees from the stated one"
+    return f"hand-eye as estimated with the poses: {1e3 * metres:.1f} mm and {degrees:.2f} degrees from the stated one"
 
 
 def small_words(names: Sequence[str], sizes_mm: Mapping[str, float]) -> str:
     """Effects and observables that a healthy camera or the stated calibration may have, with known sizes; none that rounds to 0.0 mm."""
     from tof_sensor.registry import EFFECTS
 
-    shown = {name: name if name in EFFECTS else f"an error that varies with {quantities([name])[0]}" for name in names}
-    sized = {name: f" ({sizes_mm[name]:.1f} mm)" if name in sizes_mm else "" for name in names}
-    return ", ".join(words + sized[name] for name, words in shown.items() if sizes_mm.get(name, SHOWN_MM) >= SHOWN_MM)
+    def words(name: str) -> str:
+        what = name if name in EFFECTS else f"an error that varies with {quantities([name])[0]}"
+        return what + (f" ({sizes_mm[name]:.1f} mm)" if name in sizes_mm else "")
+
+    return ", ".join(words(name) for name in names if sizes_mm.get(name, SHOWN_MM) >= SHOWN_MM)
 
 
 def doubt_words(unexplained: float, doubt: float) -> str:
