@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tof_core import se3
+from tof_core.camera import radial_to_z
 
 if TYPE_CHECKING:
     from tof_core.arrays import Bytes, Float, Image, Ints, Mask
@@ -105,6 +106,11 @@ class View:
     def returned(self) -> Float:
         """(H, W) share of the captures in which a pixel has a depth."""
         return np.where(self.valid, self.count / max(self.captures, 1), 0.0)
+
+    def as_z(self) -> View:
+        """The view whose images hold distances along the ray, in z: depth, its standard error and the deviation of one capture."""
+        noise = None if self.noise is None else radial_to_z(self.camera, self.noise)
+        return replace(self, depth=radial_to_z(self.camera, self.depth), sigma=radial_to_z(self.camera, self.sigma), noise=noise)
 
     @classmethod
     def of_capture(cls, capture: Capture, station: int = 0) -> View:

@@ -3,12 +3,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_core.camera import radial_to_z
 from tof_core.flat.wide_plane import wide_bend
 from tof_gap.seen.finding import Finding
 from tof_gap.seen.residual import with_codes
@@ -48,24 +46,18 @@ def gate(
     if as_z < config.solve.gate.least_mm * 1e-3:
         return begun, None
     some = np.unique(np.linspace(0, len(views) - 1, config.solve.gate.views).round().astype(int))
-    tried = start([_from_distances(views[k]) for k in some], caster, config, align)
+    tried = start([views[k].as_z() for k in some], caster, config, align)
     better = median_miss(tried.evidence) <= config.solve.gate.better * median_miss([begun.evidence[k] for k in some])
     if not better and not all(_bends(v) for v in views):
         return begun, None
     begun.hand_over()  # Frees the images of one reading before those of the other are made.
-    converted = [_from_distances(v) for v in views]
+    converted = [v.as_z() for v in views]
     if len(some) < len(views):
         tried.hand_over()
         tried = start(converted, caster, config, align)
     share = np.stack([(v.depth - c.depth).astype(np.float64) for v, c in zip(views, converted, strict=True)])
     note = "the depth image holds distance along the ray"
     return tried, Finding(RadialDepth(share=1.0), 1.0, share=share, corrects=True, note=note)
-
-
-def _from_distances(view: View) -> View:
-    """The view whose image holds distances along the ray, as z, with the deviations of its captures."""
-    noise = None if view.noise is None else radial_to_z(view.camera, view.noise)
-    return replace(view, depth=radial_to_z(view.camera, view.depth), sigma=radial_to_z(view.camera, view.sigma), noise=noise)
 
 
 def _bends(view: View) -> bool:

@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tof_core import se3
-from tof_core.camera import radial_to_z
-from tof_core.capture import RobotPose
+from tof_core.capture import RobotPose, View
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from tof_core.arrays import Float
     from tof_core.camera import Camera
-    from tof_core.capture import View
     from tof_core.options import BagOptions
 
 UNITS = {
@@ -69,7 +67,7 @@ def usual(camera: Camera, options: BagOptions) -> Iterator[Mistake]:
     yield from _images()
     if options.depth == "z":
         todo = "pass --depth radial (node: input.depth:=radial)"
-        yield Mistake("depth is the distance along the ray, not z", todo, lambda v: replace(v, depth=radial_to_z(v.camera, v.depth)))
+        yield Mistake("depth is the distance along the ray, not z", todo, View.as_z)
     yield from _lenses(camera)
     yield from _transforms()
     yield from _scenes()
