@@ -36,6 +36,11 @@ def test_motion_that_makes_little_of_all_maps_is_small() -> None:
 
 
 def test_errors_without_a_name_are_judged_together() -> None:
-    sizes = {"wiggling": 0.9e-3, "region": 0.8e-3, "y_m": 0.7e-3}
+    sizes = {"wiggling": 0.9e-3, "region": 0.4e-3, "y_m": 0.4e-3}
     assert _small(sizes, {}, ("region", "y_m"), SelectLimits()) == {"wiggling"}
     assert _small(sizes, {}, ("region",), SelectLimits()) == {"wiggling", "region", "y_m"}
+
+
+@pytest.mark.parametrize(("size_m", "small"), [(0.6e-3, False), (0.4e-3, True)])
+def test_an_error_without_a_name_counts_from_half_a_millimetre_on(size_m: float, *, small: bool) -> None:
+    assert _small({"ghost": size_m}, {}, ("ghost",), SelectLimits()) == ({"ghost"} if small else set())
