@@ -17,8 +17,9 @@ from tof_core import se3
 from tof_gap.limits.solve import SelectLimits
 from tof_gap.solve.candidate import Candidate
 from tof_gap.solve.columns import ColumnStore, build
+from tof_gap.solve.cubes import Cells
 from tof_gap.solve.free import curves
-from tof_gap.solve.region import REGION, Cells, Region, regions
+from tof_gap.solve.region import REGION, Region, regions
 from tof_gap.solve.select import select
 from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.fixed_pattern import FixedPattern
