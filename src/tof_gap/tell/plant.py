@@ -193,10 +193,10 @@ def where(d: Diagnosis, maps: Sequence[Float], scene: Scene) -> str:
 
 
 def acts(size_m: float, maps: Sequence[Float]) -> str:
-    """RMS of maps (H, W) of metres over the pixels that they touch, the share of these pixels, and the RMS over all pixels of the CAD."""
-    touched, share = _covered(maps)
-    over_all = f", {1e3 * size_m * np.sqrt(touched):.1f} mm over all"
-    return f"{1e3 * size_m:.1f} mm RMS" + ("" if share > EVERYWHERE else f" over {in_percent(share)} of the pixels{over_all}")
+    """RMS of maps (H, W) of metres over the pixels that they touch, which pixels these are, and the RMS over all pixels of the CAD."""
+    touched, share, least_m = _covered(maps)
+    some = f" over the {in_percent(touched)} of the pixels that change by {1e3 * least_m:.2g} mm and more, {1e3 * size_m * np.sqrt(touched):.1f} mm over all"
+    return f"{1e3 * size_m:.1f} mm RMS" + ("" if share > EVERYWHERE else some)
 
 
 def extremes_mm(maps: Sequence[Float]) -> float:
@@ -205,8 +205,11 @@ def extremes_mm(maps: Sequence[Float]) -> float:
     return 1e3 * float(high - low)
 
 
-def _covered(maps: Sequence[Float]) -> tuple[float, float]:
-    """Shares of the pixels of maps (H, W) that are touched; and that are, or most of whose neighbours are: a pattern also acts where its sign changes."""
+def _covered(maps: Sequence[Float]) -> tuple[float, float, float]:
+    """Shares of the pixels of maps (H, W) that are touched, and that are or most of whose neighbours are; metres from which a pixel is touched.
+
+    A pattern also acts where its sign changes.
+    """
     known = [np.isfinite(m) for m in maps]
     least = least_touched(joined((np.abs(m[k & (m != 0)]) for m, k in zip(maps, known, strict=True)), sum(m.size for m in maps)))
     touched = covered = 0
@@ -216,7 +219,7 @@ def _covered(maps: Sequence[Float]) -> tuple[float, float]:
         touched += int(on.sum())
         covered += int((k & (among | (on > 0))).sum())
     every = max(sum(int(k.sum()) for k in known), 1)
-    return touched / every, covered / every
+    return touched / every, covered / every, least
 
 
 def cost(d: Diagnosis, maps: Sequence[Float]) -> str:

@@ -72,7 +72,8 @@ def test_several_waves_are_stated_by_what_they_make_together() -> None:
     (wiggling, _) = plant_words(diagnosis(waves=(WAVE, other)), SCENE)
     assert (
         wiggling.size
-        == "4.0 mm RMS over 90 % of the pixels, 3.8 mm over all, 9.8 mm between the extremes, in waves of 0.37 and 0.38 m of range"
+        == "4.0 mm RMS over the 90 % of the pixels that change by 1 mm and more, 3.8 mm over all, 9.8 mm between the extremes, "
+        "in waves of 0.37 and 0.38 m of range"
     )
 
 
@@ -105,7 +106,10 @@ def test_an_effect_of_few_pixels_costs_by_how_many_they_are() -> None:
     few[:, :2, :] = 0.005
     share = 100.0 * 2 / SHAPE[0]
     assert cost(diagnosis(), list(few)) == f"this effect puts {share:.0f} % of the pixels off by 1 mm or more, half of them by 5 mm or more"
-    assert acts(0.005, list(few)) == f"5.0 mm RMS over {share:.0f} % of the pixels, {5 * np.sqrt(share / 100):.1f} mm over all"
+    assert (
+        acts(0.005, list(few))
+        == f"5.0 mm RMS over the {share:.0f} % of the pixels that change by 0.5 mm and more, {5 * np.sqrt(share / 100):.1f} mm over all"
+    )
 
 
 def test_an_effect_of_hardly_any_pixel_has_no_share_of_naught() -> None:
@@ -126,7 +130,7 @@ def test_offsets_of_every_pixel_act_on_all_of_them_though_some_are_near_nought()
     assert acts(0.003, list(white)) == "3.0 mm RMS"
     white[:, : SHAPE[0] // 2, :] = 0.0
     # The least offsets, a tenth of these, count as none in the 3.0 mm.
-    assert acts(0.003, list(white)) == "3.0 mm RMS over 50 % of the pixels, 1.9 mm over all"
+    assert acts(0.003, list(white)) == "3.0 mm RMS over the 39 % of the pixels that change by 0.84 mm and more, 1.9 mm over all"
 
 
 def test_of_many_effects_that_the_session_cannot_separate_none_has_a_remedy() -> None:
