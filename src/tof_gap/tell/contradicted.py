@@ -13,7 +13,7 @@ from tof_gap.seen.arm_steps import following, means
 from tof_gap.tell.account import steps_along, unfounded
 from tof_gap.tell.block_means import block_means, unbiased2
 from tof_gap.tell.by_view import uneven
-from tof_gap.tell.figures import away_from_edges
+from tof_gap.tell.figures import away_from_edges, no_jumps
 from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.intrinsics import Intrinsics
@@ -143,7 +143,7 @@ def shares_left(found: Account, limit: UnexplainedLimits) -> dict[str, float]:
         return {}
     figures, held, maps = found.figures, found.solved.split.held_out, found.solved.maps
     views, noise2 = [found.solved.evidence[v] for v in held], unbiased2(found, held)
-    left = away_from_edges([figures.edge[v] for v in held], figures.left(held))
+    left = no_jumps(views, away_from_edges([figures.edge[v] for v in held], figures.left(held)))
 
     def means(names: Iterable[str]) -> BlockMeans:
         """Of the remaining error, with the maps of these effects added again."""

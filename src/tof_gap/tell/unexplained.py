@@ -18,7 +18,7 @@ from tof_gap.seen.residual import gross_bound
 from tof_gap.seen.smeared import smeared
 from tof_gap.tell.account import astray2, rough_m, steps2
 from tof_gap.tell.block_means import block_means, off_parts, unbiased2
-from tof_gap.tell.figures import away_from_edges
+from tof_gap.tell.figures import away_from_edges, no_jumps
 from tof_gap.tell.image_place import image_place
 from tof_gap.tell.line_means import line_sizes_m
 from tof_gap.tell.where import by_quantity
@@ -99,7 +99,7 @@ def look(
     views, floor2 = solved.evidence, figures.floors
     depends_on = (*solved.depends_on, *_signs(found, limit, missing))
     gone = _lost_pixels(found, len(scene.parts), missing)
-    residual, left = (away_from_edges(figures.edge, errors) for errors in (figures.residual, figures.left()))
+    residual, left = (away_from_edges(figures.edge, errors) for errors in (figures.residual, no_jumps(views, figures.left())))
     noise2 = unbiased2(found, range(len(views)))
     means = block_means(views, left, noise2, limits.block_px, limit.block_pixels)
     if len(means.pixels) == 0:

@@ -87,6 +87,16 @@ def test_what_is_left_beside_a_larger_effect_may_be_the_error_of_its_map() -> No
     assert contradicted(account(half, lens_scatter=0.5 * half, wiggling=3.0 * half), LIMIT) is None
 
 
+def test_pixels_that_still_jump_by_half_a_metre_contradict_no_bias() -> None:
+    """`phase_wrap` gives one length; where the camera errs by another one, half a metre is left, beside which a wave is nothing."""
+    jumps = np.zeros(SHAPE)
+    jumps[::4, ::4] = 0.5
+    found = account(jumps, wiggling=ramp(0.004, 0))
+    assert contradicted(found, LIMIT) == "wiggling"
+    found.solved.evidence = [replace(v, gross=jumps > 0) for v in found.solved.evidence]
+    assert contradicted(found, LIMIT) is None
+
+
 def test_what_noise_may_leave_contradicts_nothing() -> None:
     """0.15 mm of an effect, of which nothing is taken: block means of 64 pixels with 2 mm of noise are known to 0.25 mm."""
     assert contradicted(account(ramp(0.00015, 0), wiggling=ramp(0.00015, 0)), LIMIT) is None

@@ -12,7 +12,7 @@ import pytest
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, views
 from tof_gap.limits.report import ReportLimits
 from tof_gap.seen.finding import Finding
-from tof_gap.tell.figures import Figures, between, used
+from tof_gap.tell.figures import Figures, between, no_jumps, used
 from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
@@ -44,6 +44,15 @@ def test_gross_pixels_and_edges_count_only_where_an_effect_explains_them() -> No
     assert not counts["filtered"][10:12].any(), "no map explains wrapped pixels that a filter removed"
     assert counts["fly"][20:22].all()
     assert not counts["fly"][22:24].any(), "half a pixel of pose decides which surface these see"
+
+
+def test_gross_pixels_that_still_jump_once_effects_are_subtracted_are_left_out() -> None:
+    view = views(np.random.default_rng(1))[0]
+    gross, left = np.zeros(SHAPE, bool), np.zeros(SHAPE)
+    gross[0, :2], left[0, :3] = True, (0.5, 0.001, 0.5)
+    (kept,) = no_jumps([replace(view, gross=gross)], [left])
+    assert np.isnan(kept[0, 0])
+    np.testing.assert_array_equal(kept[0, 1:3], [0.001, 0.5])
 
 
 def test_pixels_with_a_named_noise_of_their_own_are_in_no_figure() -> None:
