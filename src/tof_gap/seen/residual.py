@@ -90,6 +90,10 @@ class ViewEvidence:
         """(H, W) metres of z: standard deviation of the noise in a residual (H, W) of this view, at least that of the step of its depth code."""
         return noise_of(residual, self.smooth, self.frame.amplitude, self.step_m, self.limits.level, self.correlation)
 
+    def still_gross(self, left: Float) -> Mask:
+        """(H, W) gross pixels that `left` (H, W) metres, the residual less some effects, is still too large for."""
+        return self.gross & (np.abs(left) > gross_bound(self.sigma, self.limits))
+
     @property
     def rendering(self) -> Rendering:
         """The CAD at the reference pose."""

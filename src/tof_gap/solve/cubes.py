@@ -58,11 +58,15 @@ class Cells:
 
 
 class Levels(NamedTuple):
-    """Two levels of an error, and the sum of weights times squares that they explain of it."""
+    """Two levels of an error."""
 
     low: float
     high: float
-    explained: float
+
+    @property
+    def middle(self) -> float:
+        """The value beyond which the higher level is nearer."""
+        return 0.5 * (self.low + self.high)
 
 
 def levels(means: Float, weight: Float) -> Levels | None:
@@ -78,7 +82,7 @@ def levels(means: Float, weight: Float) -> Levels | None:
         return None
     between = (sums[:-1] * total - whole * below[:-1]) ** 2 / (below[:-1] * (total - below[:-1]))
     at = int(np.argmax(np.where(allowed, between, -1.0)))
-    return Levels(float(sums[at] / below[at]), float((whole - sums[at]) / (total - below[at])), float(between[at] / total))
+    return Levels(float(sums[at] / below[at]), float((whole - sums[at]) / (total - below[at])))
 
 
 def touching(corners: Ints) -> csr_array:
@@ -98,9 +102,8 @@ def at_higher_level(sums: Float, weight: Float, around: csr_array) -> Mask:
     found = levels(smoothed, weight)
     if found is None:
         return np.zeros(len(sums), bool)
-    middle = 0.5 * (found.low + found.high)
-    own = (means - middle) * (found.high - found.low) * weight / SHARED
-    inside = smoothed > middle
+    own = (means - found.middle) * (found.high - found.low) * weight / SHARED
+    inside = smoothed > found.middle
     for _ in range(SWEEPS):
         inside = np.asarray(own + TOUCHING * (around @ (2.0 * inside - 1.0)) > 0)
     return np.asarray(inside)

@@ -82,7 +82,10 @@ def regions(views: Sequence[ViewEvidence], folds: Ints) -> list[Candidate]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Drawn:
-    """Drawn pixels of a view: residual (n,) and weight (n,) of z, z per metre along the ray (n,), pose columns (n, 6), points (n, 3), origin (3,)."""
+    """Drawn pixels of a view: residual (n,) and weight (n,) of z, z per metre along the ray (n,), pose columns (n, 6), points (n, 3), origin (3,).
+
+    weighted: (n, 6) pose columns by weight, where pixels share errors; cov (6, 6) of the pose; of_residual (6,) the pose without a region.
+    """
 
     residual: Float
     weight: Float
@@ -90,11 +93,18 @@ class _Drawn:
     pose: Float
     points: Float
     origin: Float
+    weighted: Float
+    cov: Float
+    of_residual: Float
 
     @property
     def along(self) -> Float:
         """(n,) weight of errors along the ray."""
         return self.weight * self.per_metre**2
+
+    def errors(self, pose: Float) -> Float:
+        """(n,) errors along the ray in metres, less those of a pose (6,)."""
+        return np.clip((self.residual - self.pose @ pose) / self.per_metre, -CLIP_M, CLIP_M)
 
 
 class _Late(NamedTuple):
@@ -114,7 +124,7 @@ class _Posed(NamedTuple):
 
 def _drawn(view: ViewEvidence) -> _Drawn:
     at, frame = view.pixels, view.frame
-    return _Drawn(
+    return _with_pose(
         view.residual.ravel()[at].astype(float),
         1.0 / (view.fit_sigma.ravel()[at].astype(float) ** 2 + OTHER_M**2),
         1.0 / frame.length.ravel()[at],
@@ -122,6 +132,13 @@ def _drawn(view: ViewEvidence) -> _Drawn:
         cell_points(frame).reshape(-1, 3)[at],
         np.asarray(view.rendering.T_cell_camera[:3, 3]),
     )
+
+
+def _with_pose(residual: Float, weight: Float, per_metre: Float, pose: Float, points: Float, origin: Float) -> _Drawn:
+    """What each round needs of the pose, which no region changes, computed once."""
+    weighted = pose * (weight / SHARED)[:, None]
+    cov = np.asarray(np.linalg.inv(pose.T @ weighted + np.diag(POSE_SD**-2.0)), float)
+    return _Drawn(residual, weight, per_metre, pose, points, origin, weighted, cov, cov @ (weighted.T @ residual))
 
 
 def _side(views: Sequence[ViewEvidence]) -> float:
@@ -136,11 +153,10 @@ def _side(views: Sequence[ViewEvidence]) -> float:
 
 def _planes(drawn: Sequence[_Drawn], folds: Ints) -> dict[int, Sheet]:
     """For each fold, the plane between cameras and surfaces whose region explains most by the views of the others."""
-    errors = _posed(drawn, [np.zeros(len(d.residual), bool) for d in drawn]).errors
     rays = Rays(
         origin=np.concatenate([np.broadcast_to(d.origin, d.points.shape) for d in drawn]),
         point=np.concatenate([d.points for d in drawn]),
-        error_m=np.concatenate(errors),
+        error_m=np.concatenate([d.errors(d.of_residual) for d in drawn]),
         weight=np.concatenate([d.along for d in drawn]),
         fold=np.repeat(folds, [len(d.residual) for d in drawn]),
     )
@@ -162,7 +178,7 @@ def _delayed(drawn: Sequence[_Drawn], side: float, sheet: Sheet | None) -> _Late
     of_view = np.split(cube, np.cumsum([len(d.residual) for d in drawn])[:-1])
     along = np.concatenate([d.along for d in drawn])
     weight = np.maximum(_sums(along, cube, len(corners)), np.finfo(float).tiny)
-    inside, late = np.zeros(len(corners), bool), _posed(drawn, [np.zeros(len(d.residual), bool) for d in drawn])
+    inside, late = np.zeros(len(corners), bool), _Posed([d.errors(d.of_residual) for d in drawn], 0.0, 0.0)
     for _ in range(ROUNDS):
         inside = at_higher_level(_sums(along * np.concatenate(late.errors), cube, len(corners)), weight, around)
         inside[-1] = False
@@ -185,18 +201,13 @@ def _sums(values: Float, cube: Ints, cubes: int) -> Float:
 
 def _posed(drawn: Sequence[_Drawn], inside: Sequence[Mask]) -> _Posed:
     """Poses by view and the delay of the rays `inside` (n,) over all, fitted together."""
-    prior = np.diag(POSE_SD**-2.0)
-    solved, information, right = [], 0.0, 0.0
+    of_column, information, right = [], 0.0, 0.0
     for d, within in zip(drawn, inside, strict=True):
-        weighted = d.pose * (d.weight / SHARED)[:, None]
-        inverse = np.linalg.inv(d.pose.T @ weighted + prior)
         column = within * d.per_metre
-        of_column, of_residual = (inverse @ (weighted.T @ x) for x in (column, d.residual))
-        information += float(d.weight @ column**2 / SHARED - (weighted.T @ column) @ of_column)
-        right += float(d.weight @ (column * d.residual) / SHARED - (weighted.T @ column) @ of_residual)
-        solved.append((of_column, of_residual))
+        shared = d.weighted.T @ column
+        of_column.append(d.cov @ shared)
+        information += float(d.weight @ column**2 / SHARED - shared @ of_column[-1])
+        right += float(d.weight @ (column * d.residual) / SHARED - shared @ d.of_residual)
     delay_m = right / information if information > 0 else 0.0
-    errors = [
-        np.clip((d.residual - d.pose @ (r - c * delay_m)) / d.per_metre, -CLIP_M, CLIP_M) for d, (c, r) in zip(drawn, solved, strict=True)
-    ]
+    errors = [d.errors(d.of_residual - c * delay_m) for d, c in zip(drawn, of_column, strict=True)]
     return _Posed(errors, delay_m, delay_m * right)

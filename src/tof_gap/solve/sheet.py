@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING
 
@@ -87,10 +87,11 @@ def sheets(rays: Rays, folds: Ints) -> dict[int, Sheet]:
     """For each fold the plane that explains most by the rays of the others: the best of a coarse search, turned and shifted."""
     if not len(rays.fold):
         return {}
-    rays, pairs = rays.some(), list(combinations(range(len(folds)), 2))
-    tried = list(_tried(rays))
-    scores = np.array([_explained(rays, sheet, folds, pairs) for sheet in tried]).reshape(-1, len(folds))
-    return {int(fold): _refined(rays, tried[int(np.argmax(scores[:, k]))], folds, k) for k, fold in enumerate(folds)}
+    rays, count = rays.some(), len(folds)
+    rays = replace(rays, fold=np.searchsorted(folds, rays.fold))  # By their places from here on.
+    pairs, tried = list(combinations(range(count), 2)), list(_tried(rays))
+    scores = np.array([_explained(rays, sheet, count, pairs) for sheet in tried]).reshape(-1, count)
+    return {int(fold): _refined(rays, tried[int(np.argmax(scores[:, k]))], count, k) for k, fold in enumerate(folds)}
 
 
 def _tried(rays: Rays) -> Iterator[Sheet]:
@@ -103,18 +104,18 @@ def _tried(rays: Rays) -> Iterator[Sheet]:
         yield from (Sheet(normal, float(at)) for at in np.arange(heights.min() + STEP_M, heights.max(), STEP_M))
 
 
-def _explained(rays: Rays, sheet: Sheet, folds: Ints, pairs: Sequence[tuple[int, int]]) -> Float:
+def _explained(rays: Rays, sheet: Sheet, folds: int, pairs: Sequence[tuple[int, int]]) -> Float:
     """(folds,) what a region of the plane explains of the errors of all other folds, each as the rest of them tell; 0 without a rest.
 
     The region is the squares at the higher of two levels. By the same views, squares of few rays would explain noise, and those of a plane
-    close to the cameras, which no two views share, anything. pairs: the folds that the rest is without, by their places in `folds`.
+    close to the cameras, which no two views share, anything. pairs: the folds that the rest is without.
     """
     square, many = _squares(rays, sheet)
-    which = np.searchsorted(folds, rays.fold) * many + square
-    weight, sums = (np.bincount(which, x, len(folds) * many).reshape(-1, many) for x in (rays.weight, rays.weight * rays.error_m))
-    out = np.zeros(len(folds))
+    which = rays.fold * many + square
+    weight, sums = (np.bincount(which, x, folds * many).reshape(-1, many) for x in (rays.weight, rays.weight * rays.error_m))
+    out = np.zeros(folds)
     for k, j in pairs:
-        rest = [fold for fold in range(len(folds)) if fold not in (k, j)]
+        rest = [fold for fold in range(folds) if fold not in (k, j)]
         inside = _higher(weight[rest].sum(axis=0), sums[rest].sum(axis=0))
         out[k] += _confirmed(inside, weight[j], sums[j])
         out[j] += _confirmed(inside, weight[k], sums[k])
@@ -138,7 +139,7 @@ def _higher(weight: Float, sums: Float) -> Mask:
     """(n,) squares at the higher of two levels of their means; none where there are no levels."""
     known = weight > 0
     found = levels(sums[known] / weight[known], weight[known])
-    return np.zeros(len(known), bool) if found is None else known & (sums > 0.5 * (found.low + found.high) * weight)
+    return np.zeros(len(known), bool) if found is None else known & (sums > found.middle * weight)
 
 
 def _confirmed(inside: Mask, weight: Float, sums: Float) -> float:
@@ -150,9 +151,9 @@ def _confirmed(inside: Mask, weight: Float, sums: Float) -> float:
     return float(np.sign(apart) * apart**2 * w * (whole - w) / whole)
 
 
-def _refined(rays: Rays, sheet: Sheet, folds: Ints, k: int) -> Sheet:
+def _refined(rays: Rays, sheet: Sheet, folds: int, k: int) -> Sheet:
     """The plane, turned about the middle of its crossings and shifted while that explains more by the rays of all folds but number `k`."""
-    pairs = [(k, j) for j in range(len(folds)) if j != k]
+    pairs = [(k, j) for j in range(folds) if j != k]
     best = float(_explained(rays, sheet, folds, pairs)[k])
     for turn in np.repeat(TURNS, ROUNDS):
         _, crossing = sheet.crossed(rays.origin, rays.point)

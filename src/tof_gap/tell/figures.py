@@ -11,7 +11,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from tof_gap.seen.pattern import single_pixels, without_pattern
-from tof_gap.seen.residual import gross_bound, single
+from tof_gap.seen.residual import single
 from tof_gap.tell.floor import floor2, shown2
 from tof_gap.tell.shrink import Shrink, blocks, measure
 from tof_sensor.effects.fixed_pattern import FixedPattern
@@ -148,7 +148,7 @@ def away_from_edges(edges: Sequence[Mask], errors: Sequence[Float]) -> list[Floa
 
 def no_jumps(views: Sequence[ViewEvidence], errors: Sequence[Float]) -> list[Float]:
     """(H, W) metres per view, NaN at gross pixels whose error is still too large for a bias: they jump by a length that `phase_wrap` has not."""
-    return [np.where(v.gross & (np.abs(e) > gross_bound(v.sigma, v.limits)), np.nan, e) for v, e in zip(views, errors, strict=True)]
+    return [np.where(v.still_gross(e), np.nan, e) for v, e in zip(views, errors, strict=True)]
 
 
 def between(view: ViewEvidence) -> Mask:

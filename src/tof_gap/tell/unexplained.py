@@ -14,7 +14,6 @@ from tof_gap.seen.filtered import filtered, removed_for_noise
 from tof_gap.seen.finding import not_expected
 from tof_gap.seen.lost import brightest, expected, lost
 from tof_gap.seen.lost_by_pixel import lost_by_pixels
-from tof_gap.seen.residual import gross_bound
 from tof_gap.seen.smeared import smeared
 from tof_gap.tell.account import astray2, rough_m, steps2
 from tof_gap.tell.block_means import block_means, off_parts, unbiased2
@@ -267,8 +266,7 @@ def gross_share(views: Sequence[ViewEvidence], named: Iterable[Float], reach_px:
     shares = []
     for v, explained in zip(views, named, strict=True):
         away = ~(binary_dilation(v.edge, iterations=reach_px) if reach_px else v.edge)
-        gross = v.gross & (np.abs(v.residual - explained) > gross_bound(v.sigma, v.limits))
-        shares.append((gross & away).sum() / max((np.isfinite(v.residual) & away).sum(), 1))
+        shares.append((v.still_gross(v.residual - explained) & away).sum() / max((np.isfinite(v.residual) & away).sum(), 1))
     return float(np.mean(shares))
 
 
