@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.solved import Solved
 
+NOISE_SIGMA = 3.0
+"""Standard deviations of noise by which a pixel may lie beside its surface."""
+
 
 @dataclass(frozen=True, eq=False)
 class Figures:
@@ -121,6 +124,8 @@ def figures(solved: Solved, findings: Sequence[Finding], rng: np.random.Generato
     shared = [f.common for f in findings if f.common is not None]
     nothing = np.broadcast_to(0.0, views[0].residual.shape)
     common = [np.asarray(sum((c[v] for c in shared), nothing)) for v in range(len(views))]
+    # A wrong mount or lens is simulated to first order beside the edges that are seen through the right one.
+    edge = [v.edge | true.edge for v, true in zip(views, solved.bare, strict=True)]
     return Figures(
         residual=[used(v, findings) for v in views],
         # Named noise is no bias to be subtracted: it belongs to the floor.
@@ -128,9 +133,8 @@ def figures(solved: Solved, findings: Sequence[Finding], rng: np.random.Generato
         maps={**maps, **{f.name: list(f.share) for f in findings if f.corrects and f.share is not None}},
         common=common,
         noise2={v: quiet[v].sigma ** 2 for v in solved.split.held_out},
-        # A wrong mount or lens is simulated to first order beside the edges that are seen through the right one.
-        edge=[v.edge | true.edge for v, true in zip(views, solved.bare, strict=True)],
-        mixed=[between(v) for v in views],
+        edge=edge,
+        mixed=[between(true, e) for true, e in zip(solved.bare, edge, strict=True)],
         held=solved.split.held_out,
         unsure2=unsure2,
         step_m=max((f.effect.step_m for f in findings if isinstance(f.effect, Quantization)), default=0.0),
@@ -151,15 +155,16 @@ def no_jumps(views: Sequence[ViewEvidence], errors: Sequence[Float]) -> list[Flo
     return [np.where(v.still_gross(e), np.nan, e) for v, e in zip(views, errors, strict=True)]
 
 
-def between(view: ViewEvidence) -> Mask:
-    """(H, W) pixels at edges whose depth lies between those of the two surfaces there: mixed pixels.
+def between(view: ViewEvidence, edge: Mask) -> Mask:
+    """(H, W) pixels of `edge` (H, W) whose depth lies between those of the two surfaces there, up to noise: mixed pixels.
 
-    Their mixed share, and so the depth that a map predicts, depends on half a pixel of pose: only that they are mixed is known.
+    Their mixed share, and so the depth that a map predicts, depends on half a pixel of pose: only that they are mixed is known. A share
+    of 0 or 1 is among them: such a pixel shows one of its two surfaces, with noise on either side of it.
     """
-    cad = view.frame.depth
+    cad, noise = view.frame.depth, NOISE_SIGMA * view.sigma
     near, far = minimum_filter(np.nan_to_num(cad, nan=np.inf), 3), maximum_filter(np.nan_to_num(cad, nan=-np.inf), 3)
     with np.errstate(invalid="ignore"):
-        return np.asarray(view.edge & (view.view.depth > near) & (view.view.depth < far))
+        return np.asarray(edge & (view.view.depth > near - noise) & (view.view.depth < far + noise))
 
 
 def used(view: ViewEvidence, findings: Sequence[Finding]) -> Float:

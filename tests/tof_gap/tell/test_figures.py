@@ -129,15 +129,18 @@ def test_where_edges_count_the_gap_away_from_them_is_stated_beside_it() -> None:
     assert of([residual], maps={"wiggling": [wave]}, edge=[mixed]).shrink(["wiggling"]).off_edges_mm is None, "edges do not count"
 
 
-def test_only_edges_that_measure_between_their_two_surfaces_are_mixed() -> None:
+def test_only_edges_that_measure_between_their_two_surfaces_up_to_noise_are_mixed() -> None:
     (view, *_) = views(np.random.default_rng(1))
-    depth = np.where(np.arange(SHAPE[1]) < SHAPE[1] // 2, 1.0, 1.3) * np.ones(SHAPE)
+    middle = SHAPE[1] // 2
+    depth = np.where(np.arange(SHAPE[1]) < middle, 1.0, 1.3) * np.ones(SHAPE)
     edge = np.zeros(SHAPE, bool)
-    edge[:, SHAPE[1] // 2] = True
+    edge[:, middle] = True
     measured = depth.copy()
-    measured[:20, SHAPE[1] // 2], measured[20:, SHAPE[1] // 2] = 1.15, 1.31
-    frame = replace(view.frame, depth=depth)
-    seen = replace(view, frame=frame, edge=edge, view=replace(view.view, depth=measured.astype(np.float32)))
-    assert between(seen)[:20, SHAPE[1] // 2].all()
-    assert not between(seen)[20:].any(), "beyond both surfaces"
-    assert between(seen).sum() == 20, "no edge, no mixed pixel"
+    measured[:10, middle], measured[10:20, middle], measured[20:, middle] = 1.15, 1.302, 1.31
+    sigma = np.full(SHAPE, 1e-3, np.float32)
+    seen = replace(view, frame=replace(view.frame, depth=depth), sigma=sigma, view=replace(view.view, depth=measured.astype(np.float32)))
+    mixed = between(seen, edge)
+    assert mixed[:10, middle].all(), "between both surfaces"
+    assert mixed[10:20, middle].all(), "on the far one: two standard deviations of noise behind it"
+    assert not mixed[20:].any(), "behind both, by ten of them"
+    assert mixed.sum() == 20, "no edge, no mixed pixel"
