@@ -30,8 +30,9 @@ def shown2(left: Sequence[Float], noise2: Sequence[Float], known: float, side: i
     The mean square of noise in some thousand pixels differs from its estimated variance, by chance and since the estimate is
     interpolated between bins of amplitude. Where the gap is smaller than the noise, 1 % of that variance is much of the gap's energy.
     What a pixel does not share with the others of a small square, outside of its row and column, is its noise: also where rows or columns
-    have noise of their own, or next neighbours share some. A gap that is constant in a square is shared. Gross errors are not shared
-    either; therefore the sum of the result differs from that of `noise2` by the share `known` at most.
+    have noise of their own, or next neighbours share some. A gap that is constant in a square is shared. Pixels whose neighbours are lost
+    are noisier than their amplitude says; they share what all share in the mean. Gross errors are not shared either; therefore the sum of
+    the result differs from that of `noise2` by the share `known` at most.
 
     Args:
         left: (H, W) metres of each view, NaN where a pixel does not count.
@@ -41,27 +42,29 @@ def shown2(left: Sequence[Float], noise2: Sequence[Float], known: float, side: i
         window_px: pixels over which a filter in the camera averages; closer ones share noise and are not compared.
     """
     seen = [np.isfinite(r) for r in left]
-    own = [_unshared_by(r, n, side, window_px) for r, n in zip(left, noise2, strict=True)]
+    shared = [_shared_by(r, side, window_px) for r in left]
+    everywhere = float(np.mean(np.concatenate([[0.0], *(x[np.isfinite(x)] for x in shared)])))
+    own = [r**2 - np.where(np.isfinite(x), x, everywhere) for r, x in zip(left, shared, strict=True)]
     shown, stated = (sum(float(x[s].sum()) for x, s in zip(every, seen, strict=True)) for every in (own, noise2))
     if not shown > 0.0:
         return list(noise2)
     scale = min(max(shown, (1.0 - known) * stated), (1.0 + known) * stated) / shown
-    return [scale * x for x in own]
+    return [np.where(s, scale * x, n) for x, s, n in zip(own, seen, noise2, strict=True)]
 
 
-def _unshared_by(residual: Float, noise2: Float, side: int, window_px: int) -> Float:
-    """(H, W) m^2: as `_unshared`, of every `window_px`-th pixel against the others of its kind, in squares of at least two by two of them."""
+def _shared_by(residual: Float, side: int, window_px: int) -> Float:
+    """(H, W) m^2: as `_shared`, of every `window_px`-th pixel with the others of its kind, in squares of at least two by two of them."""
     out = np.empty(residual.shape)
     for start in np.ndindex(window_px, window_px):
         some = tuple(slice(at, None, window_px) for at in start)
-        out[some] = _unshared(residual[some], noise2[some], max(side // window_px, 2))
+        out[some] = _shared(residual[some], max(side // window_px, 2))
     return out
 
 
-def _unshared(residual: Float, noise2: Float, side: int) -> Float:
-    """(H, W) m^2: square of each pixel less its product with the mean of the pixels of its square in other rows and columns.
+def _shared(residual: Float, side: int) -> Float:
+    """(H, W) m^2: product of each pixel with the mean of the pixels of its square in other rows and columns; NaN where there are none.
 
-    The sum over many pixels is that of what they do not share; single values may be negative. `noise2` where there are no such pixels.
+    The mean over many pixels is the square of what they share; single values may be negative.
     """
     e, n = (squares(x, side) for x in (np.nan_to_num(residual), np.isfinite(residual).astype(float)))
 
@@ -69,6 +72,6 @@ def _unshared(residual: Float, noise2: Float, side: int) -> Float:
         return np.asarray(x.sum(axis=(1, 3), keepdims=True) - x.sum(axis=3, keepdims=True) - x.sum(axis=1, keepdims=True) + x)
 
     count = others(n)
-    own = np.where(count > 0, e * e - e * others(e) / np.maximum(count, 1.0), squares(noise2, side))
+    shared = np.where((count > 0) & (n > 0), e * others(e) / np.maximum(count, 1.0), np.nan)
     h, w = residual.shape
-    return np.where(np.isfinite(residual), own.reshape(own.shape[0] * side, -1)[:h, :w], noise2)
+    return shared.reshape(shared.shape[0] * side, -1)[:h, :w]

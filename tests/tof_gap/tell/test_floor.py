@@ -59,7 +59,24 @@ def test_what_differs_from_the_stated_noise_by_more_than_it_is_known_is_not_the_
     assert total(shown2([RNG.normal(0, sigma, SHAPE)], STATED, 0.06, 4)) == pytest.approx(bound)
 
 
-def test_pixels_without_neighbours_keep_the_stated_noise() -> None:
-    lonely = np.full(SHAPE, np.nan)
-    lonely[5, 5] = 0.001
-    np.testing.assert_array_equal(shown2([lonely], STATED, 0.06, 4)[0], STATED[0])
+def test_pixels_without_neighbours_are_as_noisy_as_they_show() -> None:
+    """Every fourth pixel of a row is lonely and three times as noisy as its amplitude says; a gap of 2 mm is in all of them."""
+    noise = RNG.normal(0, 0.002, SHAPE)
+    lonely = np.zeros(SHAPE, bool)
+    lonely[::8, ::4] = True
+    noise[lonely] *= 3.0
+    kept = np.where(lonely, noise, np.nan)
+    kept[4:8] = noise[4:8]
+    expected = np.nansum(kept**2) / np.isfinite(kept).sum() / 0.002**2
+    (shown,) = shown2([kept + 0.002], STATED, 5.0, 4)
+    seen = np.isfinite(kept)
+    assert shown[seen].mean() / 0.002**2 == pytest.approx(expected, rel=0.05)
+    np.testing.assert_array_equal(shown[~seen], STATED[0][~seen])
+
+
+def test_a_single_pixel_is_bounded_by_the_stated_noise() -> None:
+    alone = np.full(SHAPE, np.nan)
+    alone[5, 5] = 0.001
+    (shown,) = shown2([alone], STATED, 0.06, 4)
+    assert shown[5, 5] == pytest.approx(0.94 * 0.002**2)
+    np.testing.assert_array_equal(shown[np.isnan(alone)], STATED[0][np.isnan(alone)])

@@ -19,7 +19,7 @@ from tof_gap.seen.finding import Finding
 from tof_gap.tell import account as room
 from tof_gap.tell.account import _findings, _gap, _named_m, account, rough_m
 from tof_gap.tell.diagnosis import Diagnosis, doubted
-from tof_gap.tell.floor import _unshared, shown2
+from tof_gap.tell.floor import _shared, shown2
 from tof_gap.tell.shrink import Errors, Shrink
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.dropout import Dropout
@@ -312,12 +312,12 @@ def test_a_cause_is_suspected_where_much_is_unexplained_or_its_views_are_too_few
     assert Diagnosis.suspected(told, cause) is suspected
 
 
-def test_the_noise_of_a_pixel_is_what_others_in_other_rows_and_columns_do_not_share() -> None:
-    """Squares of two pixels, in which each has one such partner, across; without a partner the stated noise stands."""
-    values = np.array([[0.0, 1.0, 0.0, 0.0], [2.0, 5.0, 2.0, np.nan], [0.0, 1.0, 6.0, np.nan]])
-    stated = np.full((3, 4), 9.0)
-    expected = np.array([[0.0, 1.0 - 1 * 2, 9.0, 0.0], [4.0 - 2 * 1, 25.0, 4.0, 9.0], [9.0, 9.0, 9.0, 9.0]])
-    np.testing.assert_allclose(_unshared(values, stated, 2), expected)
+def test_pixels_share_their_product_with_those_in_other_rows_and_columns() -> None:
+    """Squares of two pixels, in which each has one such partner, across; without a partner it is not known."""
+    gone = np.nan
+    values = np.array([[0.0, 1.0, 0.0, 0.0], [2.0, 5.0, 2.0, gone], [0.0, 1.0, 6.0, gone]])
+    expected = [[0.0, 2.0, gone, 0.0], [2.0, 0.0, 0.0, gone], [gone, gone, gone, gone]]
+    np.testing.assert_allclose(_shared(values, 2), expected)
 
 
 @pytest.mark.parametrize(("known", "scale"), [(0.1, 1.1), (10.0, None)])
@@ -333,7 +333,7 @@ def test_the_noise_shown_by_all_views_together_is_bounded(known: float, scale: f
     together = (shown[0][counts].sum() + shown[1].sum()) / (counts.sum() + 900) / 1e-6
     assert together == pytest.approx(scale or together)
     if scale is None:
-        np.testing.assert_allclose(shown[0], _unshared(rough, stated[0], 4))
+        np.testing.assert_allclose(shown[0][counts], (rough**2 - _shared(rough, 4))[counts])
     few = shown2([rough * 1e-3, flat], stated, 0.1, 4)
     assert (few[0][counts].sum() + few[1].sum()) / (counts.sum() + 900) / 1e-6 == pytest.approx(0.9)
 
