@@ -32,7 +32,7 @@ from tof_gap.seen.photons import (
     of_one_capture,
     over_law,
 )
-from tof_gap.seen.pixel_noise import halves_agree, noisy_pixels, pixel_pattern
+from tof_gap.seen.pixel_noise import INTERPOLATED, halves_agree, noisy_pixels, pixel_pattern, variance_elsewhere
 from tof_gap.seen.range_code import steps_along_ray
 from tof_gap.seen.repeated import repeated
 from tof_gap.seen.residual import over_mean
@@ -272,11 +272,12 @@ def stand_out(pixels: NoisyPixels, limits: NoiseLimits) -> bool:
 def of_their_own(pixels: NoisyPixels, beside: Sequence[ViewEvidence], offsets: PixelOffsets, limits: NoiseLimits) -> bool:
     """Whether the noise of pixels that stand out is theirs: the same pixels are noisy in both halves of the views, beyond constant offsets.
 
-    A camera that averages takes a neighbour with another offset in or leaves it out, from capture to capture. `beside`: the views without
-    the offsets.
+    A camera that averages takes a neighbour with another offset in or leaves it out, from capture to capture. A driver that interpolates
+    leaves more noise where a pixel lies on one of the sensor's. `beside`: the views without the offsets.
     """
     beyond = pixels.rms_m >= limits.pixels.of_offsets * offsets.size_m
-    return beyond and halves_agree(beside, limits.pixels) > limits.pixels.repeated
+    again = beyond and halves_agree(beside, limits.pixels) > limits.pixels.repeated
+    return again and variance_elsewhere(beside, limits.pixels) > INTERPOLATED
 
 
 def without_noisy_pixels(views: Sequence[ViewEvidence], limits: NoiseLimits) -> Sequence[ViewEvidence]:

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.ndimage import uniform_filter
+from scipy.ndimage import map_coordinates, uniform_filter
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_gap.limits.noise import NoiseLimits, PixelLimits
 from tof_gap.seen.noise import noise_effects, pixels_found
 from tof_gap.seen.pattern import beside_pixels, single_pixels
-from tof_gap.seen.pixel_noise import halves_agree, noise_by_view, noisy_pixels
+from tof_gap.seen.pixel_noise import INTERPOLATED, halves_agree, noise_by_view, noisy_pixels, variance_elsewhere
 from tof_gap.tell.noise_parts import OF_PIXELS, measured
 
 LIMITS = PixelLimits()
@@ -82,6 +82,7 @@ def test_views_that_see_nothing_have_no_noisy_pixels() -> None:
     blind = [replace(v, smooth=np.zeros(SHAPE, bool)) for v in views(np.random.default_rng(2))]
     assert noisy_pixels(blind, LIMITS).share == 0.0
     assert halves_agree(blind, LIMITS) == 0.0
+    assert variance_elsewhere(blind, LIMITS) == 1.0
 
 
 def test_unstable_pixels_repeat_where_a_camera_averages_over_their_neighbours() -> None:
@@ -94,6 +95,21 @@ def test_unstable_pixels_repeat_where_a_camera_averages_over_their_neighbours() 
     )
     assert halves_agree(seen, LIMITS) > 1.0
     assert abs(halves_agree(quiet, LIMITS)) < 0.3
+
+
+def test_pixels_of_an_interpolating_driver_differ_in_noise_and_are_not_unstable() -> None:
+    """Noise of 5 mm in the grid of a barrel lens: a pixel on one of the grid's has more noise than one between four of them."""
+    from_centre = np.mgrid[: SHAPE[0], : SHAPE[1]] - np.reshape(SHAPE, (2, 1, 1)) / 2
+    where = from_centre * (0.97 - 0.06 * (from_centre**2).sum(axis=0) / SHAPE[0] ** 2) + np.reshape(SHAPE, (2, 1, 1)) / 2
+    between = np.stack([map_coordinates(0.005 * n, where, order=1) for n in noise()])
+    unstable = np.random.default_rng(3).random(SHAPE) < 0.02
+    jumps = 0.03 * np.random.default_rng(8).standard_normal((VIEWS, *SHAPE)) * unstable
+    even, uneven = (views(np.random.default_rng(2), between + of, photons=False) for of in (0.0 * jumps, jumps))
+    assert 2.0 < variance_elsewhere(even, LIMITS) < INTERPOLATED
+    assert halves_agree(even, LIMITS) > LIMITS.repeated, "the same pixels are noisy"
+    assert pixels_found(even, NoiseLimits()) is None
+    assert variance_elsewhere(uneven, LIMITS) > 2.0 * INTERPOLATED
+    assert pixels_found(uneven, NoiseLimits()) is not None
 
 
 def test_whole_lines_that_are_noisy_are_no_unstable_pixels() -> None:
