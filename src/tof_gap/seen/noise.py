@@ -66,12 +66,22 @@ FIELD_TERMS = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """A part of the noise of one capture: what it is noise of, metres, and its (V, H, W) metres of z or (H, W) pixels where known."""
+    """A part of the noise of one capture: what it is noise of, metres RMS over the image, and its (V, H, W) metres of z where known.
+
+    where: (H, W) pixels that have it, if not all do; there_m: metres RMS over these.
+    """
 
     of: str
     size_m: float
     common: Float | None = None
     where: Mask | None = None
+    there_m: float = 0.0
+
+    @property
+    def stated(self) -> str:
+        """Size, and what it is noise of."""
+        over_all = f"{1e3 * self.size_m:.1f} mm"
+        return f"{over_all} {self.of}" if self.where is None else f"{1e3 * self.there_m:.1f} mm {self.of}, {over_all} RMS over all"
 
 
 def noise_effects(
@@ -180,7 +190,7 @@ def _pixels(views: Sequence[ViewEvidence], limits: NoiseLimits) -> list[Part]:
     if pixels is None or over_mean(views) * pixels.size_m <= limits.pixels.own_mm * 1e-3:
         return []
     size = over_mean(views) * pixels.rms_m
-    return [Part(f"of {in_percent(pixels.share)} of the pixels", size, where=pixels.where)]
+    return [Part(f"on {in_percent(pixels.share)} of the pixels", size, where=pixels.where, there_m=over_mean(views) * pixels.size_m)]
 
 
 def _lines(views: Sequence[ViewEvidence], typical_m: float, least_m: float, limits: NoiseLimits) -> list[Part]:
@@ -241,7 +251,7 @@ def _named(parts: Sequence[Part], views: Sequence[ViewEvidence], floor_std: floa
     if size <= 0:
         return []
     maps = [part.common for part in parts if part.common is not None]
-    note = ", ".join(f"{1e3 * part.size_m:.1f} mm {part.of}" for part in parts)
+    note = ", ".join(part.stated for part in parts)
     found = Finding(
         Noise(extra_m=min(size, most(Noise, "extra_m"))),
         CONFIDENT,

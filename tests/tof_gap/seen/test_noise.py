@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -262,7 +263,9 @@ def test_few_restless_pixels_are_noise() -> None:
     restless = rng().uniform(size=SHAPE) < 0.05
     ((name, note),) = said(restless * rng().choice([-0.013, 0.013], (VIEWS, *SHAPE)))
     assert name == "noise"
-    assert "of the pixels" in note
+    there, share, over_all = map(float, re.search(r"([\d.]+) mm on (.+) % of the pixels, (.+) mm RMS over all$", note).groups())  # type: ignore[union-attr]
+    assert over_all == pytest.approx(13.0 * np.sqrt(0.05), rel=0.2)
+    assert there == pytest.approx(over_all / np.sqrt(share / 100), rel=0.1)
 
 
 def test_views_that_scatter_everywhere_alike_are_noise_in_bursts() -> None:

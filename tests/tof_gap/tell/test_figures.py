@@ -137,7 +137,7 @@ def test_only_edges_that_measure_between_their_two_surfaces_up_to_noise_are_mixe
     edge[:, middle] = True
     measured = depth.copy()
     measured[:10, middle], measured[10:20, middle], measured[20:, middle] = 1.15, 1.302, 1.31
-    sigma = np.full(SHAPE, 1e-3, np.float32)
+    sigma = np.full(SHAPE, 1e-3)
     seen = replace(view, frame=replace(view.frame, depth=depth), sigma=sigma, view=replace(view.view, depth=measured.astype(np.float32)))
     mixed = between(seen, edge)
     assert mixed[:10, middle].all(), "between both surfaces"
