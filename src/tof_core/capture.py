@@ -96,6 +96,8 @@ class View:
     """Metres between the codes of the depth that the camera wrote; 0: no codes; None: not looked for, or not stated before a conversion."""
     written_m: float = 0.0
     """Metres between the depths that a message of the camera can hold; 0: not known, or continuous. Means of n captures lie on n-th parts."""
+    ray_shift: Image | None = None
+    """(H, W, 2) pixels along x and y from a pixel's ray to that of its depth, where a driver rectified by the nearest pixel; None: no shift."""
 
     @property
     def valid(self) -> Mask:

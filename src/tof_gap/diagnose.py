@@ -21,6 +21,7 @@ from tof_gap.solve.candidates import not_testable
 from tof_gap.solve.conclude import conclude
 from tof_gap.solve.joint import with_small, without
 from tof_gap.solve.radial import gate
+from tof_gap.solve.start import as_rectified
 from tof_gap.solve.stray import solve_agreeing
 from tof_gap.solved import Split
 from tof_gap.steps import FIRST, HELD_OUT, TOGETHER, UNEXPLAINED
@@ -91,8 +92,8 @@ def diagnose(
     progress(FIRST)
     begun, along_ray = gate(within_field(views), caster, config, align, asked=RadialDepth.NAME not in left_out)
     check_enough(views, along_ray, config.solve.views)
-    recorded = begun.views
-    world, begun = set_apart(begun, caster, config, align)
+    recorded, (world, begun) = begun.views, set_apart(begun, caster, config, align)
+    begun = as_rectified(begun, caster, config)
     progress(TOGETHER)
     joint, config, views, stray = solve_agreeing(begun, caster, config, frozenset(VOCABULARY) if few else left_out)
     split = dealt(joint.chain, config.solve)

@@ -13,6 +13,7 @@ from tof_core.memory import one_heap
 from tof_core.registered import REMEDY, WHAT, registered
 from tof_gap.config import GapConfig
 from tof_gap.seen.finding import CONFIDENT, Finding
+from tof_gap.seen.rectified import rounded_mm
 from tof_gap.session import diagnose_session
 from tof_gap.tell.diagnosis import Note
 from tof_gap.tell.difference import AgainstLimits
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from tof_core.bag import BagReader
     from tof_core.board.lens import LensFault
     from tof_core.capture import View
+    from tof_gap.seen.residual import ViewEvidence
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_scene.scene import Scene
     from tof_sensor.model import SensorModel
@@ -78,13 +80,24 @@ def diagnose_bag(
     if isinstance(reader, BoardSource):
         return diagnose_before_board(reader.session, views, caster, config, known=known, left_out=left_out, progress=progress), caster
     found = diagnose_session(views, caster, config.gap, config.align, known=known, left_out=left_out, progress=progress)
-    return replace(found, notes=notes_on(views, reader.topics.depth)), caster
+    return replace(found, notes=(*notes_on(views, reader.topics.depth), *notes_on_rays(found.evidence))), caster
 
 
 def notes_on(views: Sequence[View], topic: str) -> tuple[Note, ...]:
     """What matters to the verdict about the depth of a recording and its topic."""
     why = registered([v.depth for v in views], topic)
     return (Note(f"{why}. {WHAT}.", f"{REMEDY.capitalize()}."),) if why else ()
+
+
+def notes_on_rays(views: Sequence[ViewEvidence]) -> tuple[Note, ...]:
+    """That a driver rectified depth by the nearest pixel, where the views show it."""
+    size_mm = rounded_mm(views)
+    if size_mm is None:
+        return ()
+    what = f"The driver rectifies depth by the nearest pixel, so that a pixel holds the depth of a ray up to half a pixel beside it: {size_mm:.1f} mm RMS on slopes. This is taken off before effects are looked for."
+    return (
+        Note(what, "Have the driver interpolate between pixels of one surface, or publish the sensor's own image with its distortion."),
+    )
 
 
 def diagnose_before_board(

@@ -15,6 +15,7 @@ from tof_gap.seen.correlation import INDEPENDENT
 from tof_gap.seen.edges import excluded, smear, streaks
 from tof_gap.seen.level import depth_step, noise_level
 from tof_gap.seen.range_code import range_step
+from tof_gap.seen.rectified import added_depth
 from tof_gap.seen.shared_noise import correlation_of
 from tof_scene.maps import concavity_map
 from tof_scene.rendering import depth_only
@@ -40,8 +41,8 @@ AROUND_PX = 9
 class ViewEvidence:
     """One view at its reference pose.
 
-    residual (H, W) metres of z, less what an average over neighbours in the camera makes of curved surfaces, NaN where measurement or
-    CAD is missing; sigma (H, W) metres, standard deviation of the view's noise, both in single precision as depth is (60 nm of a metre); smooth, edge, gross (H, W) masks; pixels (n,) flat indices for
+    residual (H, W) metres of z, less what an average over neighbours in the camera makes of curved surfaces, and what rectification by the
+    nearest pixel makes of slopes, NaN where measurement or CAD is missing; sigma (H, W) metres, standard deviation of the view's noise, both in single precision as depth is (60 nm of a metre); smooth, edge, gross (H, W) masks; pixels (n,) flat indices for
     fits; concavity (H, W) share of the hemisphere over a pixel that the scene covers, NaN where it was not computed; step_m metres
     between depth codes, 0 where depth is continuous; limits: by which this view's pixels were selected; stepped (H, W): pixels beside
     steps of a named fixed pattern (`seen.steps`), None without one; noise_of_steps: whether noise grows with the steps around a pixel, as
@@ -165,6 +166,8 @@ def noise_of(residual: Float, keep: Mask, amplitude: Float, step_m: float, limit
 def _of_view(view: View, frame: Frame, limits: EvidenceLimits, concavity: Image, wider_px: int, step_m: float) -> ViewEvidence:
     """The evidence of a view whose neighbouring pixels share no noise."""
     residual = view.depth.astype(np.float64) - frame.depth
+    if view.ray_shift is not None:
+        residual -= added_depth(frame, view.ray_shift)
     blur_px = smear(frame, limits.blur)
     reached = excluded(frame, limits, wider_px, blur_px)
     sigma, smooth, edge, gross = _sorted_out(residual, view.returned, frame, reached, blur_px, limits, step_m, INDEPENDENT)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +16,7 @@ from tof_core.cores import in_threads
 from tof_core.errors import RefusedError
 from tof_core.memory import give_back
 from tof_gap.seen.motion import moving
+from tof_gap.seen.rectified import ray_shift
 from tof_gap.seen.residual import ViewEvidence, gather
 from tof_gap.solve.columns import ColumnStore, build
 from tof_gap.solve.solution import through
@@ -69,6 +70,16 @@ def start(views: Sequence[View], caster: Raycaster, config: GapConfig, align: Al
         if farthest(before, chain, config.solve.joint) <= 1.0:
             break
     return Start(views, chain, evidence)
+
+
+def as_rectified(begun: Start, caster: Raycaster, config: GapConfig) -> Start:
+    """The start with the rays of a driver that rectified by the nearest pixel; as it is where the views show no such shift."""
+    shift = ray_shift(begun.evidence)
+    if shift is None:
+        return begun
+    begun.hand_over()
+    views = [replace(v, ray_shift=shift) for v in begun.views]
+    return Start(views, begun.chain, observe(views, caster, begun.chain, config, footprints=False))
 
 
 def farthest(one: Chain, other: Chain, limits: JointLimits) -> float:
