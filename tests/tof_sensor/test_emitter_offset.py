@@ -43,6 +43,11 @@ def test_the_error_is_half_of_what_the_way_from_the_lamp_is_longer() -> None:
         assert measured == pytest.approx(0.5 * path, abs=1e-12)
 
 
+def test_the_place_is_stated_from_where_the_driver_takes_the_lamp_to_be() -> None:
+    stated = EmitterOffset(x_m=0.0223, y_m=-0.004).stated
+    assert stated.startswith("lamp 22.3 mm to the right and 4.0 mm above, in the image's directions, of where the driver takes it to be")
+
+
 def test_the_side_of_the_lamp_is_measured_too_near() -> None:
     right, below = EmitterOffset(x_m=0.03).bias(at(1.0)), EmitterOffset(y_m=0.03).bias(at(1.0))
     assert (right[:, 35:] < -0.002).all()

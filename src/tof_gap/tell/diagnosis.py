@@ -71,6 +71,13 @@ class Diagnosis:
         """Whether so much of the gap is unexplained that the effects of the solution are only suspected."""
         return doubted(self.unexplained, self.config.report)
 
+    @property
+    def simulated(self) -> str:
+        """Which effects are subtracted before the rest is called unexplained: "named" ones, "suspected" ones, or none ("")."""
+        if self.doubted and self.causes:
+            return "suspected"
+        return "named" if self.verdict not in (("unknown",), ("none",)) else ""
+
     def suspected(self, cause: Cause) -> bool:
         """Whether a cause is not asserted: much is unexplained beside it, or too few views show it."""
         return self.doubted or cause.named.suspected

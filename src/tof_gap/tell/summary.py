@@ -122,6 +122,6 @@ def _pose_lines(d: Diagnosis) -> list[str]:
 def _unexplained_lines(d: Diagnosis) -> list[str]:
     if not d.unexplained.structured:
         return []
-    left = unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes))
+    left = unexplained_words(d.unexplained, d.simulated)
     suspects = [spaced(c.named.name) for c in d.causes if d.suspected(c)]
     return [f"unexplained: {left} To do: {where_to_look(d.unexplained.where, d.unexplained.depends_on, suspects)}"]

@@ -193,13 +193,17 @@ def quantities(observables: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(GOES_WITH.get(q, q.split("_")[0]) for q in observables))
 
 
-def unexplained_words(u: Unexplained, *, suspected: bool = False) -> str:
-    """The error left away from edges: its size, what it varies with, where it is; suspected: beside effects that are not asserted."""
-    simulated = f"With the {'suspected' if suspected else 'named'} effects simulated,"
+def unexplained_words(u: Unexplained, simulated: str = "named") -> str:
+    """The error left away from edges: its size, what it varies with, where it is.
+
+    simulated: the effects that were subtracted, "named" or only "suspected"; "" where there are none.
+    """
     of_blocks = "(means of blocks of pixels away from edges, all views)"
-    if u.rmse_mm < SHOWN_RMS_MM:
-        return f"{simulated} neighbouring pixels share no error above the noise {of_blocks}; other signs show one.{_clues(asdict(u))}"
-    return f"{simulated} neighbouring pixels still share an error of {u.rmse_mm:.2f} mm RMS {of_blocks}.{_clues(asdict(u))}"
+    still = "still share" if simulated else "share"
+    share = "share no error above the noise" if u.rmse_mm < SHOWN_RMS_MM else f"{still} an error of {u.rmse_mm:.2f} mm RMS"
+    others = "; other signs show one" if u.rmse_mm < SHOWN_RMS_MM else ""
+    opening = f"With the {simulated} effects simulated, neighbouring" if simulated else "Neighbouring"
+    return f"{opening} pixels {share} {of_blocks}{others}.{_clues(asdict(u))}"
 
 
 def spaced(name: str) -> str:

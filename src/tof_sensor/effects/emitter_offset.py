@@ -45,9 +45,12 @@ class EmitterOffset(Effect):
 
     @property
     def stated(self) -> str:
-        """Position of the lamp relative to the lens."""
+        """Position of the lamp from where the driver takes it to be: its depth is right for a lamp there."""
         across, along = "right" if self.x_m >= 0.0 else "left", "below" if self.y_m >= 0.0 else "above"
-        return f"lamp {1e3 * abs(self.x_m):.1f} mm to the {across} of the lens, {1e3 * abs(self.y_m):.1f} mm {along} it, as the image shows them"
+        place = f"{1e3 * abs(self.x_m):.1f} mm to the {across} and {1e3 * abs(self.y_m):.1f} mm {along}"
+        return (
+            f"lamp {place}, in the image's directions, of where the driver takes it to be (at the lens, unless it knows the lamp's place)"
+        )
 
     def columns(self, frame: Frame) -> Float:
         """First order along z: minus half of the direction's x and y."""

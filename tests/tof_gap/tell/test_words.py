@@ -167,7 +167,12 @@ def test_what_is_left_in_one_part_of_the_image_is_placed_there() -> None:
 
 def test_what_is_left_beside_suspected_effects_is_stated_as_such() -> None:
     left = Unexplained(0.324, structured=True, depends_on=(), where=("door",))
-    assert unexplained_words(left, suspected=True) == f"With the suspected effects simulated, {LEFT}. It shows most on door."
+    assert unexplained_words(left, "suspected") == f"With the suspected effects simulated, {LEFT}. It shows most on door."
+
+
+def test_where_no_effect_is_simulated_what_is_left_is_the_error_itself() -> None:
+    left = Unexplained(0.324, structured=True, depends_on=(), where=("door",))
+    assert unexplained_words(left, "") == f"N{LEFT[1:].replace('still ', '')}. It shows most on door."
 
 
 def test_an_error_that_block_means_do_not_show_is_not_stated_as_zero() -> None:
