@@ -96,7 +96,7 @@ class Camera:
         if self.distorted:
             # Beyond the fold radius the polynomial maps points back into the image, which a real lens does not.
             seen = (xy * xy).sum(axis=-1) < _fold_radius(self.distortion) ** 2
-            xy = np.where(seen[..., None], _distort(xy, self.distortion), np.nan)
+            xy = np.where(seen[..., None], distort(xy, self.distortion), np.nan)
         return np.asarray(xy * [self.fx, self.fy] + [self.cx, self.cy])
 
     def points(self, depth: Image) -> Float:
@@ -140,8 +140,8 @@ def _coefficients(distortion: tuple[float, ...]) -> tuple[float, ...]:
     return (*distortion, *(0.0,) * 8)[:8]
 
 
-def _distort(xy: Float, distortion: tuple[float, ...]) -> Float:
-    """Normalised coordinates after distortion (OpenCV's rational model)."""
+def distort(xy: Float, distortion: tuple[float, ...]) -> Float:
+    """Normalised coordinates (..., 2) after distortion by up to eight coefficients (OpenCV's rational model)."""
     k1, k2, p1, p2, k3, k4, k5, k6 = _coefficients(distortion)
     x, y = xy[..., 0], xy[..., 1]
     r2 = x * x + y * y
@@ -155,8 +155,8 @@ def _distort(xy: Float, distortion: tuple[float, ...]) -> Float:
     )
 
 
-def _jacobian(x: Float, distortion: tuple[float, ...]) -> tuple[Float, Float, Float, Float]:
-    """Derivatives of `_distort`: dx'/dx, dx'/dy, dy'/dx, dy'/dy at normalised coordinates (..., 2)."""
+def distortion_jacobian(x: Float, distortion: tuple[float, ...]) -> tuple[Float, Float, Float, Float]:
+    """Derivatives of `distort`: dx'/dx, dx'/dy, dy'/dx, dy'/dy at normalised coordinates (..., 2)."""
     k1, k2, p1, p2, k3, k4, k5, k6 = _coefficients(distortion)
     u, v = x[..., 0], x[..., 1]
     r2 = u * u + v * v
@@ -179,21 +179,21 @@ def _fold_radius(distortion: tuple[float, ...]) -> float:
 
 
 def _undistort(xy: Float, distortion: tuple[float, ...], rounds: int = 60) -> Float:
-    """Solve `_distort(x) == xy` by Newton's method.
+    """Solve `distort(x) == xy` by Newton's method.
 
     Where the model folds over (outside the lens's field) the answer is NaN, never a guess.
     """
     x = xy.copy()
     for _ in range(rounds):
-        error = _distort(x, distortion) - xy
+        error = distort(x, distortion) - xy
         if not np.nanmax(np.abs(error), initial=0.0) > 1e-12:
             break
-        a, b, c, d = _jacobian(x, distortion)
+        a, b, c, d = distortion_jacobian(x, distortion)
         det = a * d - b * c
         det = np.where(np.abs(det) < 1e-3, np.nan, det)
         step = np.stack([(d * error[..., 0] - b * error[..., 1]) / det, (a * error[..., 1] - c * error[..., 0]) / det], axis=-1)
         x = x - np.clip(step, -0.2, 0.2)
-    solved = np.abs(_distort(x, distortion) - xy).max(axis=-1) < 1e-9
+    solved = np.abs(distort(x, distortion) - xy).max(axis=-1) < 1e-9
     x[~(solved & ((x * x).sum(axis=-1) < _fold_radius(distortion) ** 2))] = np.nan
     return x
 

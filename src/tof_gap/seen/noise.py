@@ -187,10 +187,11 @@ def _noise(
 def _pixels(views: Sequence[ViewEvidence], limits: NoiseLimits) -> list[Part]:
     """Noise of single pixels. Constant offsets of pixels raise the estimated noise: single noisy pixels are not found beside them."""
     pixels = pixels_found(views, limits)
-    if pixels is None or over_mean(views) * pixels.size_m <= limits.pixels.own_mm * 1e-3:
+    over = over_mean(views)
+    if pixels is None or over * pixels.size_m <= limits.pixels.own_mm * 1e-3:
         return []
-    size = over_mean(views) * pixels.rms_m
-    return [Part(f"on {in_percent(pixels.share)} of the pixels", size, where=pixels.where, there_m=over_mean(views) * pixels.size_m)]
+    share = f"on {in_percent(pixels.share)} of the pixels"
+    return [Part(share, over * pixels.rms_m, where=pixels.where, there_m=over * pixels.size_m)]
 
 
 def _lines(views: Sequence[ViewEvidence], typical_m: float, least_m: float, limits: NoiseLimits) -> list[Part]:

@@ -128,11 +128,10 @@ def _ln_variance(views: Sequence[ViewEvidence], limits: PixelLimits) -> Float:
     NaN where too few pixels are seen, and on lines that are noisier or quieter as a whole. A camera that averages spreads the noise of a pixel over its neighbours. Beside the steps of a pattern of lines, such an average takes
     in neighbours by chance: whole lines are noisy then, not pixels.
     """
-    known, variance = _all_rows(views, limits.views // 2, _capped_mean)
+    ratio = _over_those_around(views, limits.views // 2, limits.around_px, _capped_mean)
+    known = np.isfinite(ratio)
     share = uniform_filter(known.astype(float), SIDE, mode="constant")
-    mean = uniform_filter(
-        np.where(known, variance / np.maximum(_around(variance, known, limits.around_px), 1e-12), 0.0), SIDE, mode="constant"
-    )
+    mean = uniform_filter(np.where(known, ratio, 0.0), SIDE, mode="constant")
     enough = known & (share > 0.5)
     out = np.full(known.shape, np.nan)
     out[enough] = np.log(np.maximum(mean[enough] / share[enough], 1e-12))

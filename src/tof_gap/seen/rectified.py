@@ -46,18 +46,16 @@ def ray_shift(views: Sequence[ViewEvidence]) -> Image | None:
 
     A camera with distortion publishes its own image: nothing was rectified.
     """
-    if len(views) < LEAST_VIEWS or any(views[0].view.camera.distortion):
+    if len(views) < LEAST_VIEWS or views[0].view.camera.distorted:
         return None
-    halves = [_sums(views[start::2], NARROW_PX) for start in (0, 1)]
-    gain = sum(_gain(_solved(found), judged) for found, judged in (halves, halves[::-1]))
-    total = sum(float(half[-1].sum()) for half in halves)
-    if gain < LEAST_GAIN * total:
+    (one, of_one), (other, of_other) = (_sums(views[start::2], NARROW_PX) for start in (0, 1))
+    gain = (other.explained(_solved(one)) + one.explained(_solved(other))) / (of_one + of_other)
+    if gain < LEAST_GAIN:
         return None
-    both = _sums(views, WIDE_PX)
-    rounded = rounding(Sums(*(s.ravel() for s in both[:5])), views[0].view.camera)
+    sums, squared = _sums(views, WIDE_PX)
+    rounded = rounding(sums.each(np.ravel), views[0].view.camera)
     # A driver may rectify by another lens model: then each pixel has its own shift.
-    by_map = _gain(rounded, both) / float(both[-1].sum())
-    return np.asarray(rounded if by_map > gain / total else _solved(both), np.float32)
+    return np.asarray(rounded if sums.explained(rounded) / squared > gain else _solved(sums), np.float32)
 
 
 def added_depth(frame: Frame, shift: Image) -> Float:
@@ -78,11 +76,8 @@ def _slopes(frame: Frame) -> Float:
     return np.where(np.abs(slopes).max(axis=-1, keepdims=True) < STEEP_M, slopes, 0.0)
 
 
-def _sums(views: Sequence[ViewEvidence], window_px: int) -> Float:
-    """(6, H, W) over all views: weights times products of slopes (xx, xy, yy), of slopes and error (x, y), and the squared error.
-
-    The error is the residual less its mean over a window.
-    """
+def _sums(views: Sequence[ViewEvidence], window_px: int) -> tuple[Sums, float]:
+    """The normal equations (H, W) over all views, and the squared error over the noise. The error is the residual less its mean over a window."""
 
     def of_view(view: ViewEvidence) -> Float:
         keep = view.smooth.astype(float)
@@ -93,18 +88,13 @@ def _sums(views: Sequence[ViewEvidence], window_px: int) -> Float:
         weight = keep / np.where(view.smooth, view.sigma, 1.0).astype(float) ** 2
         return np.stack([weight * p for p in (x * x, x * y, y * y, x * error, y * error, error**2)])
 
-    return np.asarray(sum(in_threads(of_view, views)))
+    *sums, squared = np.asarray(sum(in_threads(of_view, views)))
+    return Sums(*sums), float(squared.sum())
 
 
-def _solved(sums: Float) -> Float:
-    """(H, W, 2) pixels: the shift by sums (6, H, W), shared by neighbours, at most `MOST_PX`."""
-    xx, xy, yy, xe, ye = (SHARED_PX**2 * uniform_filter(s, SHARED_PX) for s in sums[:5])
-    xx, yy = xx + SD_PX**-2.0, yy + SD_PX**-2.0
-    shift = np.stack([yy * xe - xy * ye, xx * ye - xy * xe], axis=-1) / (xx * yy - xy**2)[..., None]
+def _solved(sums: Sums) -> Float:
+    """(H, W, 2) pixels: the shift by sums (H, W), shared by neighbours, at most `MOST_PX`."""
+    of = sums.each(lambda s: SHARED_PX**2 * uniform_filter(s, SHARED_PX))
+    xx, yy = of.xx + SD_PX**-2.0, of.yy + SD_PX**-2.0
+    shift = np.stack([yy * of.xe - of.xy * of.ye, xx * of.ye - of.xy * of.xe], axis=-1) / (xx * yy - of.xy**2)[..., None]
     return np.asarray(np.clip(shift, -MOST_PX, MOST_PX))
-
-
-def _gain(shift: Float, sums: Float) -> float:
-    """Squared error over the noise that a shift (H, W, 2) explains of sums (6, H, W) that it was not found by."""
-    (xx, xy, yy, xe, ye, _), x, y = sums, shift[..., 0], shift[..., 1]
-    return float((2.0 * (x * xe + y * ye) - x * x * xx - 2.0 * x * y * xy - y * y * yy).sum())

@@ -7,11 +7,13 @@ hundredths of a pixel, where each pixel by itself knows its shift to some tenths
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import minimize
+
+from tof_core.camera import distort, distortion_jacobian
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -42,7 +44,10 @@ SMOOTH_POWER = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sums:
-    """(n,) normal equations of the shift of each pixel, along x and y: weights times products of slopes, and of slopes and error."""
+    """Normal equations of the shift of each pixel, along x and y: weights times products of slopes, and of slopes and error.
+
+    Each array has the shape of the pixels, (H, W) or (n,).
+    """
 
     xx: Float
     xy: Float
@@ -50,56 +55,53 @@ class Sums:
     xe: Float
     ye: Float
 
-    def at(self, where: Mask) -> Sums:
-        """Those of some pixels."""
-        return Sums(*(s[where] for s in (self.xx, self.xy, self.yy, self.xe, self.ye)))
+    def each(self, of: Callable[[Float], Float]) -> Sums:
+        """The sums with `of` applied to each of them."""
+        return Sums(*(of(s) for s in (self.xx, self.xy, self.yy, self.xe, self.ye)))
 
-    def explained(self, x: Float, y: Float) -> float:
-        """Squared error over the noise that shifts (n,) explain."""
+    def at(self, where: Mask) -> Sums:
+        """The sums of some pixels."""
+        return self.each(lambda s: s[where])
+
+    def explained(self, shift: Float) -> float:
+        """Squared error over the noise that shifts (..., 2) explain."""
+        x, y = shift[..., 0], shift[..., 1]
         return float((2.0 * (x * self.xe + y * self.ye) - x * x * self.xx - 2.0 * x * y * self.xy - y * y * self.yy).sum())
 
 
 def rounding(sums: Sums, camera: Camera) -> Float:
-    """(H, W, 2) pixels of the rectified image by which rounding moves the ray of each pixel."""
-    x, y = ((camera.rays()[..., k]).ravel() for k in (0, 1))
-    focal = np.array([camera.fx, camera.fy])
-    sums = _without_smooth(sums, x, y)
-    found = _searched(sums, x, y, focal)
-    both = [np.append(p, _offsets(sums, *_turns(p, x, y, focal))) for p in (found, _mirrored(found))]
-    best = max(both, key=lambda p: _explained(p, sums, x, y, focal))
+    """(H, W, 2) pixels of the rectified image by which rounding moves the ray of each pixel; sums: of (n,) pixels."""
+    rays, focal = camera.rays()[..., :2].reshape(-1, 2), np.array([camera.fx, camera.fy])
+    sums = _without_smooth(sums, rays)
+    found = _searched(sums, rays, focal)
+    both = [np.append(p, _offsets(sums, _turns(p, rays, focal))) for p in (found, _mirrored(found))]
+    best = max(both, key=lambda p: _explained(p, sums, rays, focal))
     steps = np.append(0.1 * np.array(SIMPLEX), [0.05, 0.05])
-    best = _refined(lambda p: -_explained(p, sums, x, y, focal), best, steps, tries=600)
-    return _in_the_image(best, x, y, focal).reshape(*camera.shape, 2)
+    best = _refined(lambda p: -_explained(p, sums, rays, focal), best, steps, tries=600)
+    return _in_the_image(best, rays, focal).reshape(*camera.shape, 2)
 
 
-def _turns(p: Float, x: Float, y: Float, focal: Float) -> tuple[Float, Float]:
-    """(n,) pixels from each pixel's own place to its place in the sensor's image, along x and y, up to a constant."""
-    scale, k1, k2, p1, p2 = p[:PARAMETERS]
-    r2 = x * x + y * y
-    radial = 1.0 + r2 * (k1 + k2 * r2)
-    along_x = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
-    along_y = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
-    return focal[0] * (scale * along_x - x), focal[1] * (scale * along_y - y)
+def _turns(p: Float, rays: Float, focal: Float) -> Float:
+    """(n, 2) pixels from each pixel's own place to its place in the sensor's image, up to a constant; rays (n, 2) at z = 1."""
+    return np.asarray(focal * (p[0] * distort(rays, tuple(p[1:PARAMETERS])) - rays))
 
 
 def _sawtooth(turns: Float) -> Float:
-    """(n,) pixels to the nearest pixel."""
+    """Pixels to the nearest pixel."""
     return np.asarray(np.round(turns) - turns)
 
 
-def _in_the_image(p: Float, x: Float, y: Float, focal: Float) -> Float:
+def _in_the_image(p: Float, rays: Float, focal: Float) -> Float:
     """(n, 2) shifts in pixels of the rectified image: those in the sensor's image through the inverse of the map's derivative."""
-    turns = _turns(p, x, y, focal)
-    small = 1e-3
-    by_x, by_y = (_turns(p, x + dx, y + dy, focal) for dx, dy in ((small / focal[0], 0.0), (0.0, small / focal[1])))
-    derivative = np.stack([[(of - own) / small for of in (bx, by)] for own, bx, by in zip(turns, by_x, by_y, strict=True)])
-    derivative = np.moveaxis(derivative, -1, 0) + np.eye(2)
-    shift = np.stack([_sawtooth(t + offset) for t, offset in zip(turns, p[PARAMETERS:], strict=True)], axis=-1)
+    by_ray = np.stack(distortion_jacobian(rays, tuple(p[1:PARAMETERS])), axis=-1).reshape(-1, 2, 2)
+    derivative = p[0] * by_ray * focal[:, None] / focal
+    shift = _sawtooth(_turns(p, rays, focal) + p[PARAMETERS:])
     return np.asarray(np.linalg.solve(derivative, shift[..., None])[..., 0])
 
 
-def _without_smooth(sums: Sums, x: Float, y: Float) -> Sums:
+def _without_smooth(sums: Sums, rays: Float) -> Sums:
     """The sums less a polynomial shift over the image: no sawtooth, and larger than one where the lens is not as stated."""
+    x, y = rays.T
     powers = np.stack([x**i * y**j for i in range(SMOOTH_POWER + 1) for j in range(SMOOTH_POWER + 1 - i)])
 
     def rest(weight: Float, error: Float) -> Float:
@@ -107,19 +109,19 @@ def _without_smooth(sums: Sums, x: Float, y: Float) -> Sums:
         normal += 1e-9 * np.trace(normal) * np.eye(len(normal))
         return np.asarray(error - weight * (np.linalg.solve(normal, powers @ error) @ powers))
 
-    return Sums(sums.xx, sums.xy, sums.yy, rest(sums.xx, sums.xe), rest(sums.yy, sums.ye))
+    return replace(sums, xe=rest(sums.xx, sums.xe), ye=rest(sums.yy, sums.ye))
 
 
-def _searched(sums: Sums, x: Float, y: Float, focal: Float) -> Float:
+def _searched(sums: Sums, rays: Float, focal: Float) -> Float:
     """The parameters whose sawtooth, by its first harmonic and of any phase, fits best: in a disc about the axis first, then in wider ones."""
-    away = np.hypot(x * focal[0], y * focal[1])
+    away = np.hypot(*(rays * focal).T)
     step = STEP_TURNS / FIRST_PX
     curves = np.arange(*CURVATURES, step * (focal.mean() / FIRST_PX) ** 2)
     tried = [np.array([scale, k1, 0.0, 0.0, 0.0]) for scale in np.arange(*SCALES, step) for k1 in curves]
     radius, kept = FIRST_PX, KEPT[0]
     while True:
         inside = away < radius
-        of_disc = sums.at(inside), x[inside], y[inside], focal
+        of_disc = sums.at(inside), rays[inside], focal
         whole = radius > away.max()
         free = 2 if 2.0 * radius < away.max() else PARAMETERS if whole else 3
         best = _apart(sorted(tried, key=lambda p: -_in_phase(p, *of_disc)))[:kept]
@@ -138,31 +140,27 @@ def _apart(ordered: Sequence[Float]) -> list[Float]:
     return out
 
 
-def _with(p: Float, free: int, of_disc: tuple[Sums, Float, Float, Float]) -> Float:
+def _with(p: Float, free: int, of_disc: tuple[Sums, Float, Float]) -> Float:
     """The parameters with the first `free` ones refined."""
     fitted = _refined(lambda q: -_in_phase(np.append(q, p[free:]), *of_disc), p[:free], np.array(SIMPLEX[:free]), tries=60 * free)
     return np.append(fitted, p[free:])
 
 
-def _in_phase(p: Float, sums: Sums, x: Float, y: Float, focal: Float) -> float:
+def _in_phase(p: Float, sums: Sums, rays: Float, focal: Float) -> float:
     """Squared error over the noise that a wave of the map's turns explains, of any phase."""
-    along = zip(_turns(p, x, y, focal), (sums.xe, sums.ye), (sums.xx, sums.yy), strict=True)
+    along = zip(_turns(p, rays, focal).T, (sums.xe, sums.ye), (sums.xx, sums.yy), strict=True)
     return float(sum(np.abs(error @ np.exp(2j * np.pi * t)) ** 2 / max(weight.sum(), 1e-12) for t, error, weight in along))
 
 
-def _explained(p: Float, sums: Sums, x: Float, y: Float, focal: Float) -> float:
+def _explained(p: Float, sums: Sums, rays: Float, focal: Float) -> float:
     """Squared error over the noise that the map's sawtooth explains."""
-    turns = _turns(p, x, y, focal)
-    return sums.explained(*(_sawtooth(t + offset) for t, offset in zip(turns, p[PARAMETERS:], strict=True)))
+    return sums.explained(_sawtooth(_turns(p, rays, focal) + p[PARAMETERS:]))
 
 
-def _offsets(sums: Sums, along_x: Float, along_y: Float) -> tuple[float, float]:
-    """Fractions of a pixel along x and y that explain most, each axis by itself."""
-    none = np.zeros(len(along_x))
-    return (
-        max(OFFSETS, key=lambda of: sums.explained(_sawtooth(along_x + of), none)),
-        max(OFFSETS, key=lambda of: sums.explained(none, _sawtooth(along_y + of))),
-    )
+def _offsets(sums: Sums, turns: Float) -> Float:
+    """(2,) fractions of a pixel along x and y that explain most, each axis by itself."""
+    tried = [[sums.explained(_sawtooth(turns + of) * axis) for of in OFFSETS] for axis in np.eye(2)]
+    return np.asarray(OFFSETS[np.argmax(tried, axis=1)])
 
 
 def _mirrored(p: Float) -> Float:

@@ -72,11 +72,16 @@ class Diagnosis:
         return doubted(self.unexplained, self.config.report)
 
     @property
+    def asserts(self) -> bool:
+        """Whether the verdict names an effect."""
+        return self.verdict not in (("none",), ("unknown",))
+
+    @property
     def simulated(self) -> str:
         """Which effects are subtracted before the rest is called unexplained: "named" ones, "suspected" ones, or none ("")."""
         if self.doubted and self.causes:
             return "suspected"
-        return "named" if self.verdict not in (("unknown",), ("none",)) else ""
+        return "named" if self.asserts else ""
 
     def suspected(self, cause: Cause) -> bool:
         """Whether a cause is not asserted: much is unexplained beside it, or too few views show it."""

@@ -66,7 +66,7 @@ def _gap_lines(d: Diagnosis) -> list[str]:
     lines = [
         f"gap, measured minus simulated depth: {g.above_mm(g.before):.2f} mm RMS above the noise of {g.floor_mm:.2f} mm, on views that took no part in the fit"
     ]
-    if d.verdict not in (("none",), (UNKNOWN,)):
+    if d.asserts:
         rest = "" if d.unexplained.structured else ", without structure"
         lines.append(f"with the named effects simulated: {g.above_mm(g.after):.2f} mm remain{rest}")
         if g.off_edges_mm is not None:
