@@ -227,7 +227,7 @@ def _untrained(one: CameraSessions, path: Path) -> Path:
 def _fitted_bias(one: CameraSessions) -> Callable[[Capture], Float]:
     """The bias of the sensor model that `toftwin gap` fits to the five views; none where it refuses them."""
     from tof_core.errors import RefusedError
-    from tof_gap.tell.report import sensor_model
+    from tof_gap.tell.report.files import sensor_model
     from tof_sensor.model import SensorModel
     from toftwin.diagnosis import GapPipelineConfig, diagnose_bag
     from toftwin.evaluating import frame_bias

@@ -74,7 +74,7 @@ def run() -> list[Figure]:
 
 def fitted_and_judged(session: BoardSession, fit: Ints, other: Ints) -> Half:
     """Diagnose some views; take the fitted sensor's bias off the others."""
-    from tof_gap.tell.report import sensor_model
+    from tof_gap.tell.report.files import sensor_model
     from tof_scene.raycast import Raycaster
     from toftwin.diagnosis import GapPipelineConfig, diagnose_before_board
 

@@ -61,7 +61,7 @@ def _judged(
     session: BoardSession, captures: Sequence[Capture], board: Board, caster: Raycaster, fit: list[int], other: list[int], number: int
 ) -> tuple[float, ...]:
     """Mean plane error in mm of the views `other`: raw, less the fitted sensor's bias, repaired by either network, and by either where it is sure."""
-    from tof_gap.tell.report import sensor_model
+    from tof_gap.tell.report.files import sensor_model
     from toftwin.diagnosis import GapPipelineConfig, diagnose_before_board
 
     model = sensor_model(diagnose_before_board(session, [session.views[i] for i in fit], caster, GapPipelineConfig()))

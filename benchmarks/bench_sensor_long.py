@@ -52,7 +52,7 @@ def _biases(model: SensorModel) -> list[str]:
 def _fitted() -> tuple[SensorModel, tuple[str, ...]]:
     """A camera as the diagnosis of a virtual session has it."""
     from tof_core.options import BagOptions
-    from tof_gap.tell.report import sensor_model
+    from tof_gap.tell.report.files import sensor_model
 
     session = recorded(SCENE, VIEWS, STRENGTHS)
     found = _diagnosed(session.bag, session.scene, BagOptions(), None)

@@ -15,8 +15,8 @@ from tof_align.pixels import view_sigma
 from tof_align.single import align_view
 from tof_core.config import from_mapping
 from tof_core.errors import RefusedError
-from tof_inspect.colour import Picture
 from tof_inspect.judge import Inspector
+from tof_inspect.picture import Picture
 from tof_inspect.without import Split
 from tof_preproc.config import PreprocConfig
 from tof_preproc.preprocessor import accumulate_views

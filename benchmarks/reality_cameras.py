@@ -134,7 +134,7 @@ def _recorded(case: ForeignCase, folder: Path, size: tuple[int, int]) -> Emergin
 
 
 def _save(found: Diagnosis, law: PhotonLaw | None, folder: Path) -> None:
-    from tof_gap.tell.report import sensor_model
+    from tof_gap.tell.report.files import sensor_model
 
     after = sensor_model(found)
     save_model(SensorModel(() if law is None else (law,), after.gain, after.camera), folder / "before.yaml")

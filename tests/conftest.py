@@ -62,7 +62,7 @@ def shared_data() -> Path:
 @pytest.fixture
 def no_page(monkeypatch: pytest.MonkeyPatch) -> None:
     """`toftwin gap` writes no report.html: drawing its pictures takes as long as two thirds of a small session's diagnosis."""
-    monkeypatch.setattr("tof_gap.tell.page.write_page", lambda _d, _content, folder, *_: folder / "report.html")
+    monkeypatch.setattr("tof_gap.tell.report.page.write_page", lambda _d, _content, folder, *_: folder / "report.html")
 
 
 @pytest.fixture(scope="module")

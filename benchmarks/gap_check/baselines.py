@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tof_core.arrays import Float
-    from tof_gap.solve.columns import ColumnStore
+    from tof_gap.solve.hypotheses.columns import ColumnStore
 
 NOTICED = 0.02
 """Share of the residual's energy that must go before either names anything (nulls stay below it)."""
@@ -31,7 +31,7 @@ def session(bag: Path) -> tuple[ColumnStore, list[Float]]:
     from tof_core import se3
     from tof_gap.config import GapConfig
     from tof_gap.limits.solve import SelectLimits
-    from tof_gap.solve.columns import ColumnStore
+    from tof_gap.solve.hypotheses.columns import ColumnStore
     from tof_gap.solve.start import observe
     from tof_scene.raycast import Raycaster
     from tof_sensor.geometry import pose_columns
@@ -64,7 +64,7 @@ def session(bag: Path) -> tuple[ColumnStore, list[Float]]:
 def least_squares(store: ColumnStore, residual: list[Float]) -> str:
     """The one effect whose columns explain most of what ICP left."""
     from tof_gap.limits.noise import NoiseLimits
-    from tof_gap.solve.candidates import candidates
+    from tof_gap.solve.hypotheses.candidates import candidates
 
     scene = store.views[0].frame.context.caster.scene  # type: ignore[union-attr]
     y = np.concatenate(residual)

@@ -47,7 +47,7 @@ def compare_all(folder: Path) -> None:
 
 def examine(case: Path, out: Path) -> None:
     """One bag to one report; a refusal is an answer too, and so is a fault."""
-    from tof_gap.tell.report import write
+    from tof_gap.tell.report.files import write
 
     out.mkdir(parents=True, exist_ok=True)
     started, busy = time.perf_counter(), time.process_time()

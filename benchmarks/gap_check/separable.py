@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
     from tof_align.chain import Chain
     from tof_core.arrays import Float
-    from tof_gap.solve.candidate import Candidate
-    from tof_gap.solve.columns import ColumnStore
+    from tof_gap.solve.hypotheses.candidate import Candidate
+    from tof_gap.solve.hypotheses.columns import ColumnStore
 
 LEFT = 0.25
 """Share of a map's energy that must stand after pose and the other effect for the two to be separable."""
@@ -119,8 +119,8 @@ def _left(truth: Truth, effect: str, others: tuple[str, ...]) -> dict[str, float
     """Chi-square of the true map: whole (`all`), after pose (an empty name), and after pose and each other effect's best shape."""
     from tof_gap.config import GapConfig
     from tof_gap.limits.noise import NoiseLimits
-    from tof_gap.solve.candidates import candidates
-    from tof_gap.solve.columns import build
+    from tof_gap.solve.hypotheses.candidates import candidates
+    from tof_gap.solve.hypotheses.columns import build
 
     true = truth.map(effect)
     if true is None:
@@ -167,7 +167,7 @@ def _session(truth: Truth) -> tuple[ColumnStore, Chain]:
     from tof_core.se3 import inverse
     from tof_gap.config import GapConfig
     from tof_gap.limits.solve import SelectLimits
-    from tof_gap.solve.columns import ColumnStore
+    from tof_gap.solve.hypotheses.columns import ColumnStore
     from tof_gap.solve.start import observe
     from tof_scene.raycast import Raycaster
     from toftwin.diagnosis import GapPipelineConfig

@@ -13,7 +13,7 @@ from scipy.special import log_ndtr
 
 from tof_align.columns import HAND_EYE_FREE
 from tof_align.mixed import reduce
-from tof_gap.solve.candidate import HAND_EYE
+from tof_gap.solve.hypotheses.candidate import HAND_EYE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from tof_align.columns import ColumnSystem
     from tof_core.arrays import Float, Ints
-    from tof_gap.solve.columns import Design
+    from tof_gap.solve.hypotheses.columns import Design
 
 VANISHES = 1e-7
 """Of a group's largest eigenvalue, what a direction must have: below, columns in single precision are alike to rounding."""

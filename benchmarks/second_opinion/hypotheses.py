@@ -16,8 +16,8 @@ from benchmarks.second_opinion.evidence import Evidence
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from tof_gap.solve.candidate import Candidate
-    from tof_gap.solve.columns import Design
+    from tof_gap.solve.hypotheses.candidate import Candidate
+    from tof_gap.solve.hypotheses.columns import Design
 
 SIZES_M = (1e-3, 3e-3, 10e-3)
 """RMS of an effect's map a priori: the small, the usual and the large strength of docs/effects.md, each as likely."""

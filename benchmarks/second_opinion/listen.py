@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float
     from tof_gap.config import GapConfig
-    from tof_gap.solve.candidate import Candidate
-    from tof_gap.solve.columns import ColumnStore, Design
+    from tof_gap.solve.hypotheses.candidate import Candidate
+    from tof_gap.solve.hypotheses.columns import ColumnStore, Design
     from tof_gap.solve.solution import Joint
 
 
@@ -45,7 +45,7 @@ def listening() -> Iterator[list[Heard]]:
     """
     from tof_gap import diagnose
     from tof_gap.solve import joint
-    from tof_gap.solve.columns import build
+    from tof_gap.solve.hypotheses.columns import build
     from tof_gap.solve.settle import settled
     from tof_gap.solve.stray import solve_agreeing
 

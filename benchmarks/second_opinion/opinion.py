@@ -14,7 +14,7 @@ from benchmarks.second_opinion.hypotheses import SIZES_M, kept, searched
 from benchmarks.second_opinion.sampler import sample
 from benchmarks.second_opinion.table import Table
 from tof_core import se3
-from tof_gap.solve.candidate import HAND_EYE
+from tof_gap.solve.hypotheses.candidate import HAND_EYE
 
 if TYPE_CHECKING:
     from benchmarks.second_opinion.evidence import Evidence

@@ -11,9 +11,9 @@ import numpy as np
 from tof_core import se3
 from tof_core.board.spec import USUAL_VIEWS
 from tof_core.shares import in_percent
-from tof_gap.seen.edges import edge_band
-from tof_gap.solve.candidate import HAND_EYE, Candidate
-from tof_gap.solve.columns import build, stored
+from tof_gap.seen.evidence.edges import edge_band
+from tof_gap.solve.hypotheses.candidate import HAND_EYE, Candidate
+from tof_gap.solve.hypotheses.columns import build, stored
 from tof_gap.tell.over_exposed import over_exposed
 from tof_scene.render import render
 from tof_sensor.effects.hand_eye import HandEye
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from tof_align.chain import Chain
     from tof_core.arrays import Float
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.evidence.view import ViewEvidence
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_scene.raycast import Raycaster
     from tof_sensor.action import Action

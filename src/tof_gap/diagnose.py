@@ -12,25 +12,25 @@ import numpy as np
 from tof_align.folds import deal
 from tof_core.errors import RefusedError
 from tof_core.memory import give_back
-from tof_gap.seen.field import within_field
-from tof_gap.seen.photons import own_law
-from tof_gap.seen.residual import less
+from tof_gap.seen.evidence.field import within_field
+from tof_gap.seen.evidence.residual import less
+from tof_gap.seen.noise.photons import own_law
 from tof_gap.solve.apart import set_apart
-from tof_gap.solve.candidate import HAND_EYE
-from tof_gap.solve.candidates import not_testable
 from tof_gap.solve.conclude import conclude
+from tof_gap.solve.hypotheses.candidate import HAND_EYE
+from tof_gap.solve.hypotheses.candidates import not_testable
 from tof_gap.solve.joint import with_small, without
 from tof_gap.solve.radial import gate
 from tof_gap.solve.start import as_rectified
 from tof_gap.solve.stray import solve_agreeing
 from tof_gap.solved import Split
 from tof_gap.steps import FIRST, HELD_OUT, TOGETHER, UNEXPLAINED
-from tof_gap.tell.absent import absent
 from tof_gap.tell.account import account, without_causes
 from tof_gap.tell.contradicted import TakenOut, taken_out
 from tof_gap.tell.diagnosis import Diagnosis, doubted
-from tof_gap.tell.explainable import explainable
+from tof_gap.tell.figures.explainable import explainable
 from tof_gap.tell.objects import unexplained_objects
+from tof_gap.tell.report.absent import absent
 from tof_gap.tell.unexplained import look
 from tof_scene.world.words import described
 from tof_sensor.effects.fixed_pattern import FixedPattern

@@ -38,9 +38,9 @@ def diagnose(task: Task, progress: Callable[[str], None]) -> dict[str, Any]:
 
     from tof_gap.advice import advise
     from tof_gap.session import diagnose_session
-    from tof_gap.tell.kept import kept
-    from tof_gap.tell.page import write_page
-    from tof_gap.tell.report import region_maps, report, write
+    from tof_gap.tell.report.files import region_maps, report, write
+    from tof_gap.tell.report.kept import kept
+    from tof_gap.tell.report.page import write_page
     from tof_scene.builtin import open_scene
     from tof_scene.raycast import Raycaster
     from tof_sensor.model import load_model

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from tof_align.chain import Chain
     from tof_core.arrays import Float
     from tof_core.camera import Camera
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.evidence.view import ViewEvidence
     from tof_scene.raycast import Raycaster
     from tof_sensor.effect import Effect
 

@@ -14,8 +14,8 @@ from tof_core.capture import Capture, RobotPose, View
 from tof_core.errors import ToftwinError
 from tof_gap.config import GapConfig
 from tof_gap.limits.foreign import ForeignLampLimits
-from tof_gap.seen.foreign_lamp import foreign_lamp
-from tof_gap.seen.residual import gather
+from tof_gap.seen.evidence.residual import gather
+from tof_gap.seen.foreign.lamp import foreign_lamp
 from tof_gap.session import diagnose_session
 from tof_scene.builtin.shapes import box
 from tof_scene.raycast import Raycaster

@@ -25,7 +25,7 @@ from tof_core.config import param, section
 from tof_core.errors import RefusedError
 from tof_core.stats import blocks
 from tof_gap.limits.evidence import EvidenceLimits
-from tof_gap.seen.residual import gather
+from tof_gap.seen.evidence.residual import gather
 from tof_scene.render import render
 from tof_sensor.geometry import pose_columns
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float
     from tof_core.capture import View
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.evidence.view import ViewEvidence
     from tof_scene.raycast import Raycaster
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_infer.batches import Batcher
 from tof_infer.samples import Pool, Samples
-from tof_infer.sigma_correction import train_correction
+from tof_infer.sigma_correction_training import train_correction
 from tof_infer.validate import validate
 
 if TYPE_CHECKING:

@@ -12,10 +12,11 @@ from tof_align.config import AlignConfig
 from tof_align.known import known_removed
 from tof_align.session import solve_session
 from tof_core.errors import RefusedError
-from tof_inspect.colour import Colours, Picture
+from tof_inspect.colour import Colours
 from tof_inspect.config import InspectConfig
 from tof_inspect.displaced import Fit, fit_part
 from tof_inspect.evidence import Evidence, Ratios, agreement, see, weigh
+from tof_inspect.picture import Picture
 from tof_inspect.place import JUDGED_PLACE, UNSEEN_TODO, Place, place_of
 from tof_inspect.reference import ReferenceSession, Standing
 from tof_inspect.shared import Left, PosesAlone, SessionErrors

@@ -12,8 +12,8 @@ from tof_core.stats import robust_stds
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Mask
-    from tof_inspect.colour import Picture
     from tof_inspect.config import ColourConfig
+    from tof_inspect.picture import Picture
     from tof_scene.raycast import Raycaster
 
 

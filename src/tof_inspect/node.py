@@ -12,8 +12,8 @@ from visualization_msgs.msg import MarkerArray
 from tof_core.beside import beside
 from tof_core.errors import RefusedError, UsageError
 from tof_core.live import Dwells
-from tof_inspect.colour import Picture
 from tof_inspect.live import InspectNodeConfig
+from tof_inspect.picture import Picture
 from tof_inspect.process import Task, judge
 from tof_inspect.without import inspected
 from tof_ros import messages

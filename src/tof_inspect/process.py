@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from tof_align.config import AlignConfig
     from tof_align.known import Bias
     from tof_core.capture import View
-    from tof_inspect.colour import Picture
     from tof_inspect.config import InspectConfig
     from tof_inspect.judge import Inspection
+    from tof_inspect.picture import Picture
 
 
 @dataclass(frozen=True, slots=True, eq=False)

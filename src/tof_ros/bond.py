@@ -13,7 +13,7 @@ from tof_ros import qos
 from tof_ros.interfaces import message_class
 
 if TYPE_CHECKING:
-    from tof_ros.managed import ManagedNode
+    from rclpy.lifecycle import LifecycleNode
 
 TOPIC = "bond"
 """Where nav2's nodes have it: in the node's namespace."""
@@ -28,7 +28,7 @@ class Bond:
     `active: false`, which the other side answers with the same.
     """
 
-    def __init__(self, node: ManagedNode[Any], period_s: float) -> None:
+    def __init__(self, node: LifecycleNode, period_s: float) -> None:
         """Beat every `period_s`.
 
         Raises:

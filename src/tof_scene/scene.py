@@ -137,7 +137,7 @@ class Scene:
         """(m,) region of each face of `triangles()`: smooth patches of one part (see tof_scene.topology)."""
         from tof_scene.topology import surface_regions
 
-        return surface_regions(self)
+        return surface_regions(*self.triangles())
 
 
 def has_area(vertices: Float, faces: NDArray[np.int32]) -> NDArray[np.bool_]:

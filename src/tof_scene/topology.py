@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tof_core.arrays import Float
-    from tof_scene.scene import Scene
 
 WELD_M = 1e-6
 """Grid in metres to which vertices are rounded; vertices of one part at one grid point count as one."""
@@ -54,12 +53,11 @@ def _welded(vertices: Float, faces: NDArray[np.int32], part: NDArray[np.int16]) 
     return np.unique((mixed * primes[::-1]).sum(axis=1, dtype=np.uint64), return_inverse=True)[1]
 
 
-def surface_regions(scene: Scene) -> NDArray[np.int32]:
-    """(m,) region of each face of `Scene.triangles()`, from 0; a region never spans two parts."""
+def surface_regions(vertices: Float, faces: NDArray[np.int32], part: NDArray[np.int16]) -> NDArray[np.int32]:
+    """(m,) smooth region of each of the faces (m, 3) over vertices (n, 3), from 0; a region never spans two parts (m,)."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    vertices, faces, part = scene.triangles()
     pairs = edges_of(vertices, faces, part).faces
     pairs = pairs[pairs[:, 1] >= 0]
     normal = face_normals(vertices, faces)

@@ -33,7 +33,7 @@ class CurveEffect(Effect):
     __slots__ = ()
 
     CURVE_OF: ClassVar[str]
-    """The observable, by its name in `tof_gap.solve.free`."""
+    """The observable, by its name in `tof_gap.solve.hypotheses.free`."""
     CENTRED: ClassVar[bool] = False
     """Whether the curve's mean over the session is removed from the effect; the field `means` (k,) then holds the means of its hat functions."""
 

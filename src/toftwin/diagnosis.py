@@ -11,12 +11,12 @@ import numpy as np
 from tof_core.config import param, section
 from tof_core.memory import one_heap
 from tof_core.registered import REMEDY, WHAT, registered
+from tof_gap.compare.difference import AgainstLimits
 from tof_gap.config import GapConfig
+from tof_gap.seen.evidence.rectified import rounded_mm
 from tof_gap.seen.finding import CONFIDENT, Finding
-from tof_gap.seen.rectified import rounded_mm
 from tof_gap.session import diagnose_session
 from tof_gap.tell.diagnosis import Note
-from tof_gap.tell.difference import AgainstLimits
 from tof_scene.raycast import Raycaster
 from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.radial_depth import RadialDepth
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from tof_core.bag import BagReader
     from tof_core.board.lens import LensFault
     from tof_core.capture import View
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.evidence.view import ViewEvidence
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_scene.scene import Scene
     from tof_sensor.model import SensorModel

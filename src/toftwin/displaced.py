@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tof_gap.solve.free import UNKNOWN
+from tof_gap.solve.hypotheses.free import UNKNOWN
 from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.model import block_of, effect_of
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from tof_core.errors import RefusedError
 from toftwin.options import parse_placement
@@ -14,15 +14,23 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tof_core.bag import BagReader
+    from tof_core.options import BagOptions
     from tof_scene.scene import Scene
     from toftwin.boarded import BoardSource
     from toftwin.pipeline import PipelineConfig
-    from toftwin.sensing import SensingConfig
+
+
+class ReadsBag(Protocol):
+    """Settings of a command that reads a bag."""
+
+    @property
+    def input(self) -> BagOptions:
+        """Topics, frames and units."""
 
 
 @contextmanager
 def opened(
-    bag: str | Path, scene_path: Path | None, config: PipelineConfig | SensingConfig, initial_pose: str | None = None
+    bag: str | Path, scene_path: Path | None, config: ReadsBag, initial_pose: str | None = None
 ) -> Iterator[tuple[BagReader, Scene | None]]:
     """A bag and its scene; the cell's pose is that of `--initial-pose`, or the scene's `placed_in`."""
     from dataclasses import replace

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from arm_correction.reference import Reference
     from tof_core.bag import BagReader
     from tof_core.capture import View
-    from tof_inspect.colour import Picture
     from tof_inspect.judge import Inspection, Inspector
+    from tof_inspect.picture import Picture
     from tof_inspect.reference import ReferenceSession
 
 
@@ -49,7 +49,7 @@ def learn_bag(reader: BagReader, inspector: Inspector, config: InspectionConfig)
 
 def first_pictures(references: Mapping[str, Reference], scene: str) -> tuple[tuple[Picture, ...], list[str]]:
     """Colour pictures of references by name, and a line for each reference without one; references of another scene (digest) are refused."""
-    from tof_inspect.colour import Picture
+    from tof_inspect.picture import Picture
 
     pictures: list[Picture] = []
     lacking: list[str] = []

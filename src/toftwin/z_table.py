@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_gap.seen.evidence.residual import with_codes
 from tof_gap.seen.finding import CONFIDENT, Finding
-from tof_gap.seen.residual import with_codes
 from tof_sensor.effects.radial_depth import RadialDepth
 from tof_sensor.effects.z_conversion import REVERSED, ZConversion
 

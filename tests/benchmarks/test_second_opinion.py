@@ -18,13 +18,13 @@ from benchmarks.second_opinion.evidence import Evidence, Quadratic, log_between
 from benchmarks.second_opinion.hypotheses import TOGETHER, Form, Search, by_name, kept, log_prior_count, searched
 from benchmarks.second_opinion.score import Session, figures, line
 from benchmarks.second_opinion.table import Sampled, Table, drawn_forms
-from tests.tof_gap.solve.test_select import design, plain
+from tests.tof_gap.solve.choose.test_select import design, plain
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.range_offset import RangeOffset
 from tof_sensor.effects.temperature_drift import TemperatureDrift
 
 if TYPE_CHECKING:
-    from tof_gap.solve.columns import Design
+    from tof_gap.solve.hypotheses.columns import Design
 
 NONE = np.zeros((0, 1))
 

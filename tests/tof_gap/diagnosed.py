@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, chain
-from tof_gap.against import against
+from tof_gap.compare.against import against
 from tof_gap.config import GapConfig
 from tof_gap.limits.report import ReportLimits
-from tof_gap.tell.figures import Figures, used
+from tof_gap.tell.figures.session import Figures, used
 from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.flying_pixels import FlyingPixels
@@ -22,8 +22,8 @@ from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.effects.quantization import Quantization
 
 if TYPE_CHECKING:
-    from tof_gap.seen.residual import ViewEvidence
-    from tof_gap.tell.comparison import Against
+    from tof_gap.compare.comparison import Against
+    from tof_gap.seen.evidence.view import ViewEvidence
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_sensor.effect import Effect
 

@@ -14,13 +14,14 @@ from tof_align.config import Priors
 from tof_core.camera import Camera
 from tof_core.capture import Capture, View
 from tof_gap.limits.evidence import EvidenceLimits
-from tof_gap.seen.residual import ViewEvidence, gather
+from tof_gap.seen.evidence.residual import gather
 from tof_scene.render import Rendering
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Float
+    from tof_gap.seen.evidence.view import ViewEvidence
 
 CAMERA = Camera(width=112, height=86, fx=105.0, fy=105.0, cx=55.5, cy=42.5)
 SHAPE = CAMERA.shape

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tof_gap.limits.solve import SelectLimits
-from tof_gap.solve.judge import Hypothesis
+from tof_gap.solve.choose.judge import Hypothesis
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

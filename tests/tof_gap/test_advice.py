@@ -18,8 +18,8 @@ from tof_core.capture import Capture, View
 from tof_gap.advice import advise, visible_share
 from tof_gap.config import GapConfig
 from tof_gap.limits.evidence import EvidenceLimits
-from tof_gap.seen.residual import gather
-from tof_gap.solve.candidate import Candidate
+from tof_gap.seen.evidence.residual import gather
+from tof_gap.solve.hypotheses.candidate import Candidate
 from tof_scene.render import render
 from tof_sensor.action import ASIDE, BRIGHTER, FARTHER, LATER, NEARER
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
@@ -28,7 +28,7 @@ from tof_sensor.effects.temperature_drift import TemperatureDrift
 from tof_sensor.effects.wiggling import Wiggling
 
 if TYPE_CHECKING:
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.evidence.view import ViewEvidence
     from tof_sensor.action import Action
 
 VIEWS = 5

@@ -6,7 +6,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tof_gap import warm_up
-from tof_gap.seen import lamp_light, level
+from tof_gap.seen.evidence import level
+from tof_gap.seen.foreign import lamp_light
 from tof_gap.session import diagnose_session
 from tof_scene import planes
 from tof_scene.world import contradiction

@@ -12,13 +12,13 @@ from scipy.ndimage import uniform_filter
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, rendering
 from tof_core.capture import Capture, View
 from tof_gap.limits.evidence import EvidenceLimits
-from tof_gap.seen.residual import gather
+from tof_gap.seen.evidence.residual import gather
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tof_core.arrays import Float, Image
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.evidence.view import ViewEvidence
     from tof_scene.render import Rendering
 
 NOISE_M = 0.002

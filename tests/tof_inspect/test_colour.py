@@ -14,11 +14,11 @@ from tests.tof_align.made import at, box, look, scene_of
 from tests.tof_inspect.made import EYE, SURE, seen
 from tof_core.camera import Camera
 from tof_core.capture import Colour
-from tof_inspect.colour import Picture, tones_of
 from tof_inspect.config import InspectConfig
 from tof_inspect.evidence import Ratios
 from tof_inspect.judge import Inspector, PartVerdict
 from tof_inspect.light import fit_light
+from tof_inspect.picture import Picture, tones_of
 from tof_scene.raycast import Raycaster
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, views
-from tof_gap.seen.rectified import rounded_mm
+from tof_gap.seen.evidence.rectified import rounded_mm
 from toftwin.diagnosis import notes_on, notes_on_rays
 
 

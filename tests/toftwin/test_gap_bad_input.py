@@ -16,7 +16,7 @@ from tof_core.config import from_mapping
 from tof_core.errors import RefusedError, UsageError
 from tof_gap.diagnose import check
 from tof_gap.limits.noise import NoiseLimits
-from tof_gap.solve.candidates import not_testable
+from tof_gap.solve.hypotheses.candidates import not_testable
 from tof_scene.builtin import write_builtin
 from tof_sensor.registry import VOCABULARY, left_out
 from toftwin.cli import main

@@ -46,7 +46,7 @@ def _states_a_shrink(report: Path) -> bool:
 
 
 def _one(folder: Path, name: str) -> Promised | None:
-    from tof_gap.tell.kept import kept
+    from tof_gap.tell.report.kept import kept
     from tof_sensor.model import load_model
     from toftwin.diagnosis import GapPipelineConfig, diagnose_bag
     from toftwin.inputs import opened

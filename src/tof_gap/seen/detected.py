@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.seen.dwell_noise import as_captures_differ, usual_ratio
-from tof_gap.seen.exposure import exposed
+from tof_gap.seen.evidence.residual import single
 from tof_gap.seen.finding import Finding
-from tof_gap.seen.lit_places import lit_places
-from tof_gap.seen.photons import binned, brightness, code_step, fit_law, variance_of_mean
-from tof_gap.seen.residual import single
+from tof_gap.seen.foreign.lit_places import lit_places
+from tof_gap.seen.noise.dwells import as_captures_differ, usual_ratio
+from tof_gap.seen.noise.exposure import exposed
+from tof_gap.seen.noise.photons import binned, brightness, code_step, fit_law, variance_of_mean
+from tof_gap.seen.noise.whole_average import wholly_averaged
 from tof_gap.seen.session import session_of
-from tof_gap.seen.whole_average import wholly_averaged
 from tof_sensor.effects.ambient import Ambient
 from tof_sensor.registry import PHYSICAL_ORDER
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
     from tof_gap.limits.noise import NoiseLimits
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.evidence.view import ViewEvidence
     from tof_sensor.effects.photon_law import PhotonLaw
     from tof_sensor.session import Session
 

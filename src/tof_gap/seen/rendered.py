@@ -14,7 +14,7 @@ from tof_scene.render import render
 if TYPE_CHECKING:
     from tof_align.chain import Chain
     from tof_core.arrays import Float, Mask
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.evidence.view import ViewEvidence
     from tof_scene.raycast import Raycaster
     from tof_scene.rendering import Rendering
     from tof_sensor.effect import Effect

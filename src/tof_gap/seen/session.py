@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.seen.stereo import like_stereo
+from tof_gap.seen.noise.stereo import like_stereo
 from tof_sensor.frame import amplitude_gain, lambert_amplitude
 from tof_sensor.session import Session, SessionView
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_gap.limits.noise import NoiseLimits
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.evidence.view import ViewEvidence
     from tof_scene.scene import Scene
     from tof_sensor.effects.photon_law import PhotonLaw
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Mask
     from tof_core.capture import View
     from tof_gap.limits.evidence import WorldEvidence
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.evidence.view import ViewEvidence
     from tof_scene.raycast import Raycaster
 
 

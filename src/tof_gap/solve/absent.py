@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.solve.judge import Selector
-from tof_gap.solve.worth import rms_m
+from tof_gap.solve.choose.judge import Selector
+from tof_gap.solve.choose.worth import rms_m
 from tof_gap.solved import ANY_PART, Bound
 
 if TYPE_CHECKING:
     from tof_gap.config import GapConfig
-    from tof_gap.solve.judge import Hypothesis
+    from tof_gap.solve.choose.judge import Hypothesis
     from tof_gap.solve.solution import Joint
 
 SURE = 1.645

@@ -7,13 +7,13 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from tof_gap.seen.motion import moving
-from tof_gap.solve.candidates import candidates
+from tof_gap.seen.evidence.motion import moving
+from tof_gap.solve.choose.worth import rescored
+from tof_gap.solve.hypotheses.candidates import candidates
 from tof_gap.solve.joint import as_recorded, edges_wider_px, solve
 from tof_gap.solve.settle import judge_of
 from tof_gap.solve.solution import lens_of, solution
 from tof_gap.solve.start import Start, observe
-from tof_gap.solve.worth import rescored
 from tof_sensor.effects.motion import Motion
 from tof_sensor.registry import VOCABULARY
 

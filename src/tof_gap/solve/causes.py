@@ -11,10 +11,10 @@ import numpy as np
 
 from tof_core import se3
 from tof_core.cores import in_threads
-from tof_gap.seen.areas import area_map
-from tof_gap.seen.pattern import line_means, single_pixels
+from tof_gap.seen.evidence.areas import area_map
+from tof_gap.seen.evidence.pattern import line_means, single_pixels
+from tof_gap.seen.evidence.residual import single
 from tof_gap.seen.rendered import rendered_bias
-from tof_gap.seen.residual import single
 from tof_gap.solve.solution import calibrated_lens
 from tof_gap.solved import Named
 from tof_sensor.effects.fixed_pattern import FixedPattern, line_cosines, packed
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from tof_align.chain import Chain
     from tof_align.columns import ColumnFit
     from tof_core.arrays import Float
-    from tof_gap.seen.residual import ViewEvidence
-    from tof_gap.solve.judge import Selector
+    from tof_gap.seen.evidence.view import ViewEvidence
+    from tof_gap.solve.choose.judge import Selector
     from tof_gap.solve.solution import Joint
     from tof_scene.raycast import Raycaster
     from tof_sensor.effect import Effect

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.memory import give_back
-from tof_gap.seen.residual import less, noise_again
-from tof_gap.seen.steps import beside_steps
-from tof_gap.solve.candidate import HAND_EYE
+from tof_gap.seen.evidence.residual import less, noise_again
+from tof_gap.seen.missing.steps import beside_steps
 from tof_gap.solve.causes import Posed, free_shares, named, smooth_ones
+from tof_gap.solve.choose.judge import Selector
 from tof_gap.solve.confirmed import confirmed_m, energy_share, seen_share, sizes_m
-from tof_gap.solve.judge import Selector
+from tof_gap.solve.hypotheses.candidate import HAND_EYE
 from tof_gap.solve.lateness import late_apart
 from tof_gap.solve.solution import delayed, lens_of, solution
 from tof_gap.solve.start import observe
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from tof_core.capture import View
     from tof_gap.config import GapConfig
     from tof_gap.limits.solve import SelectLimits
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.evidence.view import ViewEvidence
     from tof_gap.solve.solution import Joint
     from tof_gap.solved import Named, Split
     from tof_scene.raycast import Raycaster

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float
     from tof_gap.limits.solve import JointLimits
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.evidence.view import ViewEvidence
     from tof_gap.solve.causes import Posed
-    from tof_gap.solve.judge import Selector
+    from tof_gap.solve.choose.judge import Selector
     from tof_gap.solve.solution import Joint
     from tof_gap.solved import Split
 

@@ -10,20 +10,20 @@ import numpy as np
 
 from tof_core.cores import in_threads
 from tof_core.memory import give_back
-from tof_gap.seen.edges import smear
-from tof_gap.seen.mixed import mixing
-from tof_gap.seen.motion import moving
-from tof_gap.seen.residual import ViewEvidence, gather, without_geometry
+from tof_gap.seen.evidence.edges import smear
+from tof_gap.seen.evidence.motion import moving
+from tof_gap.seen.evidence.residual import gather, without_geometry
+from tof_gap.seen.missing.mixed import mixing
 from tof_gap.solve.absent import bounds
-from tof_gap.solve.candidates import candidates
-from tof_gap.solve.columns import build, stored
-from tof_gap.solve.crosstalk import crosstalk
-from tof_gap.solve.free import curves
-from tof_gap.solve.ghost import ghosts
-from tof_gap.solve.region import regions
-from tof_gap.solve.select import narrowed, select
+from tof_gap.solve.choose.select import narrowed, select
+from tof_gap.solve.choose.shapes import refined
+from tof_gap.solve.hypotheses.candidates import candidates
+from tof_gap.solve.hypotheses.columns import build, stored
+from tof_gap.solve.hypotheses.crosstalk import crosstalk
+from tof_gap.solve.hypotheses.free import curves
+from tof_gap.solve.hypotheses.ghost import ghosts
+from tof_gap.solve.hypotheses.region import regions
 from tof_gap.solve.settle import followed, settled
-from tof_gap.solve.shapes import refined
 from tof_gap.solve.solution import Joint, lens_of, solution
 from tof_gap.solve.start import check_fit, farthest, observe
 from tof_scene.render import render
@@ -37,7 +37,8 @@ if TYPE_CHECKING:
     from tof_core.camera import Camera
     from tof_core.capture import View
     from tof_gap.config import GapConfig
-    from tof_gap.solve.columns import ColumnStore
+    from tof_gap.seen.evidence.view import ViewEvidence
+    from tof_gap.solve.hypotheses.columns import ColumnStore
     from tof_gap.solve.start import Start
     from tof_scene.raycast import Raycaster
     from tof_sensor.effect import Effect

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.flat.wide_plane import wide_bend
+from tof_gap.seen.evidence.residual import with_codes
 from tof_gap.seen.finding import Finding
-from tof_gap.seen.residual import with_codes
 from tof_gap.solve.start import Start, start
 from tof_sensor.effects.radial_depth import RadialDepth
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_core.capture import View
     from tof_gap.config import GapConfig
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.evidence.view import ViewEvidence
     from tof_scene.raycast import Raycaster
 
 

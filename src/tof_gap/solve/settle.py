@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.seen.residual import drawn
-from tof_gap.solve.columns import build, stored
-from tof_gap.solve.judge import Selector
-from tof_gap.solve.select import Selection
-from tof_gap.solve.worth import rescored
+from tof_gap.seen.evidence.residual import drawn
+from tof_gap.solve.choose.judge import Selector
+from tof_gap.solve.choose.select import Selection
+from tof_gap.solve.choose.worth import rescored
+from tof_gap.solve.hypotheses.columns import build, stored
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_align.chain import Chain
     from tof_gap.config import GapConfig
-    from tof_gap.seen.residual import ViewEvidence
-    from tof_gap.solve.candidate import Candidate
+    from tof_gap.seen.evidence.view import ViewEvidence
+    from tof_gap.solve.hypotheses.candidate import Candidate
     from tof_gap.solve.solution import Joint
 
 

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from tof_align.chain import Chain
     from tof_core.arrays import Float
     from tof_core.capture import View
-    from tof_gap.seen.residual import ViewEvidence
-    from tof_gap.solve.candidate import Candidate
-    from tof_gap.solve.columns import Design
-    from tof_gap.solve.select import Selection
+    from tof_gap.seen.evidence.view import ViewEvidence
+    from tof_gap.solve.choose.select import Selection
+    from tof_gap.solve.hypotheses.candidate import Candidate
+    from tof_gap.solve.hypotheses.columns import Design
     from tof_gap.solved import Bound
     from tof_sensor.effect import Effect
 

@@ -15,10 +15,10 @@ from tof_core import se3
 from tof_core.cores import in_threads
 from tof_core.errors import RefusedError
 from tof_core.memory import give_back
-from tof_gap.seen.motion import moving
-from tof_gap.seen.rectified import ray_shift
-from tof_gap.seen.residual import ViewEvidence, gather
-from tof_gap.solve.columns import ColumnStore, build
+from tof_gap.seen.evidence.motion import moving
+from tof_gap.seen.evidence.rectified import ray_shift
+from tof_gap.seen.evidence.residual import gather
+from tof_gap.solve.hypotheses.columns import ColumnStore, build
 from tof_gap.solve.solution import through
 from tof_scene.render import render
 
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from tof_core.capture import View
     from tof_gap.config import GapConfig
     from tof_gap.limits.solve import JointLimits, StartLimits
+    from tof_gap.seen.evidence.view import ViewEvidence
     from tof_scene.raycast import Raycaster
     from tof_sensor.effect import Effect
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from tof_gap.seen.world import taken_out
 from tof_gap.solve.brief import solve_moving
-from tof_gap.solve.judge import Selector
+from tof_gap.solve.choose.judge import Selector
 from tof_gap.solve.start import Start, observe
 
 if TYPE_CHECKING:

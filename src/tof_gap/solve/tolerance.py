@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.solve.candidate import HAND_EYE
+from tof_gap.solve.hypotheses.candidate import HAND_EYE
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.intrinsics import Intrinsics
 

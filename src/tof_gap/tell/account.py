@@ -9,18 +9,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.memory import give_back
-from tof_gap.seen import detected, missing, noise
-from tof_gap.seen.arm_steps import contents, following, over_prior, sagging
-from tof_gap.seen.between_captures import as_captures_step
+from tof_gap.seen import detected
 from tof_gap.seen.finding import not_expected
-from tof_gap.seen.foreign_lamp import foreign_lamp
-from tof_gap.seen.foreign_light import ALONG, along_the_view, drifts_by_chance, foreign_light
-from tof_gap.seen.lost_by_line import lost_by_lines
-from tof_gap.seen.lost_by_pixel import lost_by_pixels
-from tof_gap.seen.photons import own_law
-from tof_gap.seen.repeated import repeated
+from tof_gap.seen.foreign.arm_steps import contents, following, over_prior, sagging
+from tof_gap.seen.foreign.lamp import foreign_lamp
+from tof_gap.seen.foreign.light import ALONG, along_the_view, drifts_by_chance, foreign_light
+from tof_gap.seen.foreign.repeated import repeated
+from tof_gap.seen.missing import effects as missing
+from tof_gap.seen.missing.by_line import lost_by_lines
+from tof_gap.seen.missing.by_pixel import lost_by_pixels
+from tof_gap.seen.noise import effects as noise
+from tof_gap.seen.noise.between_captures import as_captures_step
+from tof_gap.seen.noise.photons import own_law
 from tof_gap.seen.session import session_of
-from tof_gap.tell.figures import figures
+from tof_gap.tell.figures.session import figures
 from tof_gap.tell.outliers import fails_to_merge, hides_light, not_outliers
 from tof_gap.tell.own_light import of_own_light
 from tof_sensor.effects.ambient import Ambient
@@ -43,12 +45,12 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_gap.config import GapConfig
     from tof_gap.limits.foreign import ForeignLightLimits
+    from tof_gap.seen.evidence.view import ViewEvidence
     from tof_gap.seen.finding import Finding
-    from tof_gap.seen.line_noise import LineNoise
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.noise.lines import LineNoise
     from tof_gap.solved import Named, Solved
-    from tof_gap.tell.figures import Figures
-    from tof_gap.tell.shrink import Shrink
+    from tof_gap.tell.figures.session import Figures
+    from tof_gap.tell.figures.shrink import Shrink
     from tof_sensor.stated import StatedNoise
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.stats import blocks
-from tof_gap.seen.residual import single
+from tof_gap.seen.evidence.residual import single
 from tof_sensor.effect import Evidence
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float, Ints, Mask
     from tof_gap.limits.report import UnexplainedLimits
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.evidence.view import ViewEvidence
     from tof_gap.tell.account import Account
 
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import chdtri
 
-from tof_gap.seen.line_noise import line_noise_by_view
-from tof_gap.seen.noise import lines_found
-from tof_gap.seen.residual import less
+from tof_gap.seen.evidence.residual import less
+from tof_gap.seen.noise.effects import lines_found
+from tof_gap.seen.noise.lines import line_noise_by_view
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.noise import Noise
 from tof_sensor.geometry import pose_columns
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_gap.limits.noise import NoiseLimits
     from tof_gap.limits.report import UnexplainedLimits
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.evidence.view import ViewEvidence
     from tof_gap.tell.account import Account
 
 

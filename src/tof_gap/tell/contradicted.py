@@ -9,11 +9,11 @@ import numpy as np
 
 from tof_core import se3
 from tof_core.stats import touched
-from tof_gap.seen.arm_steps import following, means
+from tof_gap.seen.foreign.arm_steps import following, means
 from tof_gap.tell.account import steps_along, unfounded
 from tof_gap.tell.block_means import block_means, unbiased2
 from tof_gap.tell.by_view import uneven
-from tof_gap.tell.figures import away_from_edges, no_jumps
+from tof_gap.tell.figures.session import away_from_edges, no_jumps
 from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.intrinsics import Intrinsics

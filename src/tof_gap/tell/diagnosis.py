@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from tof_gap.seen.foreign_light import beside_light
+from tof_gap.seen.foreign.light import beside_light
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from tof_core.camera import Camera
     from tof_gap.config import GapConfig
     from tof_gap.limits.report import ReportLimits
+    from tof_gap.seen.evidence.view import ViewEvidence
     from tof_gap.seen.finding import Finding
-    from tof_gap.seen.residual import ViewEvidence
     from tof_gap.solved import Bound, Solved, Split
     from tof_gap.tell.account import Account, Cause
-    from tof_gap.tell.shrink import Shrink
+    from tof_gap.tell.figures.shrink import Shrink
     from tof_gap.tell.unexplained import Unexplained
     from tof_sensor.effects.photon_law import PhotonLaw
 
@@ -40,7 +40,7 @@ class Diagnosis:
     explainable: share of the gap that any model could explain, None without a gap; unexplained: what no named effect explains;
     not_testable: effects that the session cannot test, each with the reason; law: photon law of the noise that is not named,
     None where too few pixels show it; world: missing parts and foreign objects (`tof_scene.world.words.described`); stray: views
-    that contradict the robot and were left out; absent: for each effect that was tested and not found, what it stays below (`tell.absent`),
+    that contradict the robot and were left out; absent: for each effect that was tested and not found, what it stays below (`tell.report.absent`),
     None without a bound; notes: on the depth of the recording.
     """
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Float
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.evidence.view import ViewEvidence
 
 QUARTER, HALF = 0.6, 0.85
 """Shares of the energy from which a quarter or a half of the image is stated: twice the quarter's and the half's own share of the image, or nearly."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Float
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.evidence.view import ViewEvidence
 
 LINES = {"column": 0, "row": 1}
 """Lines of the image, and the axis along which their pixels lie."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import label
 
-from tof_gap.seen.lost import NEIGHBOURS
+from tof_gap.seen.missing.lost import NEIGHBOURS
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.dropout import Dropout

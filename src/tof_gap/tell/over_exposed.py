@@ -9,7 +9,7 @@ import numpy as np
 
 from tof_core.reasons import Reason
 from tof_core.shares import in_percent
-from tof_gap.seen.lost import brightest, saturating
+from tof_gap.seen.missing.lost import brightest, saturating
 from tof_gap.tell.unexplained import by_part
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Mask
     from tof_gap.limits.missing import MissingLimits
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.evidence.view import ViewEvidence
 
 MOST = 0.5
 """Share of the over-exposed pixels from which one part is named as their place."""

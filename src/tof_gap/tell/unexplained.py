@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from tof_gap.seen.filtered import filtered, removed_for_noise
 from tof_gap.seen.finding import not_expected
-from tof_gap.seen.lost import brightest, expected, lost
-from tof_gap.seen.lost_by_pixel import lost_by_pixels
-from tof_gap.seen.smeared import smeared
+from tof_gap.seen.missing.by_pixel import lost_by_pixels
+from tof_gap.seen.missing.filtered import filtered, removed_for_noise
+from tof_gap.seen.missing.lost import brightest, expected, lost
+from tof_gap.seen.missing.smeared import smeared
 from tof_gap.tell.account import astray2, rough_m, steps2
 from tof_gap.tell.block_means import block_means, off_parts, unbiased2
-from tof_gap.tell.figures import away_from_edges, no_jumps
+from tof_gap.tell.figures.session import away_from_edges, no_jumps
+from tof_gap.tell.figures.where import by_quantity
 from tof_gap.tell.image_place import image_place
 from tof_gap.tell.line_means import line_sizes_m
-from tof_gap.tell.where import by_quantity
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.fixed_pattern import FixedPattern
@@ -34,11 +34,11 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Mask
     from tof_gap.limits.missing import MissingLimits
     from tof_gap.limits.report import ReportLimits, UnexplainedLimits
+    from tof_gap.seen.evidence.view import ViewEvidence
     from tof_gap.seen.finding import Finding
-    from tof_gap.seen.residual import ViewEvidence
     from tof_gap.tell.account import Account
     from tof_gap.tell.block_means import BlockMeans
-    from tof_gap.tell.figures import Figures
+    from tof_gap.tell.figures.session import Figures
     from tof_scene.scene import Scene
 
 LOST = "lost pixels"

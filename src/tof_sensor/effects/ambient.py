@@ -64,7 +64,7 @@ LEAST_LEFT = 0.2
 LESS_LIGHT = slice(1, 3)
 """Of the camera's own terms (`_own_terms`), those of less modulated light."""
 WHOLE = 1.0
-"""Most of the camera's own noise beyond the law, in variances of the law, where it averages over whole neighbourhoods (`seen.whole_average`): there
+"""Most of the camera's own noise beyond the law, in variances of the law, where it averages over whole neighbourhoods (`seen.noise.whole_average`): there
 the law leaves 0.6 to 1.1 of the variance of two healthy cameras, and 2.5 times it would explain weak sunlight as well as light does."""
 CAP2 = 9.0
 """Largest squared misfit of a bin that counts in full, over the median's: beyond three standard deviations a bin holds edges."""

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable
 
-    from tof_gap.tell.comparison import Against
+    from tof_gap.compare.comparison import Against
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_scene.raycast import Raycaster
     from tof_sensor.model import SensorModel
@@ -94,10 +94,10 @@ def run(args: argparse.Namespace) -> int:
     from dataclasses import asdict
 
     from tof_gap.advice import advise
-    from tof_gap.tell.kept import kept
-    from tof_gap.tell.page import write_page
-    from tof_gap.tell.report import write
-    from tof_gap.tell.summary import summary
+    from tof_gap.tell.report.files import write
+    from tof_gap.tell.report.kept import kept
+    from tof_gap.tell.report.page import write_page
+    from tof_gap.tell.report.summary import summary
     from tof_sensor.model import load_model
     from tof_sensor.registry import left_out
     from toftwin.boarded import BoardSource, save_lens
@@ -148,7 +148,7 @@ def _compared(
     """Diagnose the simulator's bag in the same scene, compare, and write against.json."""
     import json
 
-    from tof_gap.against import against
+    from tof_gap.compare.against import against
     from toftwin.against import diagnose_simulated
 
     say("the simulator's bag")
@@ -161,7 +161,7 @@ def _compared(
 
 def _retrained(diagnosis: Diagnosis, caster: Raycaster, out: Path, config: GapPipelineConfig, say: Callable[[str], None]) -> Retrained:
     """Train two networks, with and without the fitted effects, and validate both on the session."""
-    from tof_gap.tell.report import sensor_model
+    from tof_gap.tell.report.files import sensor_model
     from toftwin.retraining import retrain
 
     return retrain(diagnosis, sensor_model(diagnosis), caster, out / "retrain", config.retrain, say)

@@ -30,9 +30,9 @@ def diagnose(folder: Path, bag: Path, scene_path: Path) -> Diagnosed:
     """Diagnose a bag as `toftwin gap` does, into `folder`; without progress, since it runs beside other steps."""
     from tof_core.progress import set_quiet
     from tof_gap.advice import advise
-    from tof_gap.tell.page import map_picture, write_page
-    from tof_gap.tell.report import write
-    from tof_gap.tell.words import sentence
+    from tof_gap.tell.report.files import write
+    from tof_gap.tell.report.page import map_picture, write_page
+    from tof_gap.tell.report.words import sentence
     from toftwin.diagnosis import GapPipelineConfig, diagnose_bag
 
     set_quiet()

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tof_sim_label.dataset import Dataset
-    from toftwin.demo.run import DemoResult
+    from toftwin.demo.result import DemoResult
 
 GALLERY = 12
 

@@ -8,21 +8,21 @@ import shutil
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any
 
 from tof_core.page import noted_command, set_command
 from tof_core.shares import in_percent
-from tof_eval.sessions import SessionErrors, session_errors
+from tof_eval.sessions import session_errors
 from tof_eval.tables import depth_table, methods_table, pose_table
 from tof_scene.scene_file import load_scene
 from tof_virtual.truth import load_truth
-from toftwin.demo.correct import Corrected, correct
-from toftwin.demo.diagnose import Diagnosed, diagnose
-from toftwin.demo.inspect import Inspected, inspect
+from toftwin.demo.correct import correct
+from toftwin.demo.diagnose import diagnose
+from toftwin.demo.inspect import inspect
 from toftwin.demo.repair import compare_methods
-from toftwin.demo.replace import Replaced, replace_sensor
+from toftwin.demo.replace import replace_sensor
+from toftwin.demo.result import DemoResult, Spent
 from toftwin.demo.sessions import TODAY, changed, later, today
 from toftwin.inputs import opened
 from toftwin.labelling import LabelResult, label_bag
@@ -34,18 +34,9 @@ if TYPE_CHECKING:
     from concurrent.futures import Future
     from pathlib import Path
 
-    from tof_eval.comparison import Comparison
     from toftwin.demo.config import DemoConfig
 
 MARK = "made-by-toftwin-demo"
-
-
-@dataclass(frozen=True, slots=True)
-class Spent:
-    """Duration of a step, and processor time of all its processes, in seconds."""
-
-    seconds: float
-    processor: float
 
 
 def measured(work: Callable[..., Any], *args: Any) -> tuple[Any, Spent]:
@@ -59,23 +50,6 @@ def processor_seconds() -> float:
     """Processor time of this process and of its children that have ended, in seconds."""
     times = os.times()
     return times.user + times.system + times.children_user + times.children_system
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class DemoResult:
-    """The content of the report."""
-
-    config: DemoConfig
-    folder: Path
-    replayed: ReplayResult
-    labelled: LabelResult
-    errors: SessionErrors
-    diagnosed: Diagnosed
-    corrected: Corrected
-    inspected: Inspected
-    replaced: Replaced
-    comparison: Comparison
-    spent: dict[str, Spent]
 
 
 def run_demo(out: Path, config: DemoConfig) -> DemoResult:

@@ -15,17 +15,17 @@ from tof_core.reasons import Reason
 from tof_gap.limits.evidence import LevelLimits
 from tof_gap.limits.missing import MissingLimits
 from tof_gap.limits.noise import NoiseLimits
-from tof_gap.seen.level import depth_step, noise_level
-from tof_gap.seen.line_noise import line_map, line_noise
-from tof_gap.seen.lost import _lost_below, brightest, least_light, losses_of, lost, outliers_removed
-from tof_gap.seen.mixed import flying_pixels, mixing
-from tof_gap.seen.noise import noise_effects
-from tof_gap.seen.pixel_noise import noisy_pixels, pixel_pattern
-from tof_gap.seen.stripes import beat
-from tof_gap.seen.wrapped import _common_size, phase_wrap
+from tof_gap.seen.evidence.level import depth_step, noise_level
+from tof_gap.seen.foreign.stripes import beat
+from tof_gap.seen.missing.lost import _lost_below, brightest, least_light, losses_of, lost, outliers_removed
+from tof_gap.seen.missing.mixed import flying_pixels, mixing
+from tof_gap.seen.missing.wrapped import _common_size, phase_wrap
+from tof_gap.seen.noise.effects import noise_effects
+from tof_gap.seen.noise.lines import line_map, line_noise
+from tof_gap.seen.noise.pixels import noisy_pixels, pixel_pattern
 
 if TYPE_CHECKING:
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.evidence.view import ViewEvidence
 
 LIMITS, MISSING = NoiseLimits(), MissingLimits()
 

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from tests.tof_gap.solve.test_select import PIXELS, VIEWS, design, plain
+from tests.tof_gap.solve.choose.test_select import PIXELS, VIEWS, design, plain
 from tof_gap.config import GapConfig
 from tof_gap.limits.solve import SelectLimits
 from tof_gap.solve.absent import SURE, bounds
-from tof_gap.solve.judge import Selector
-from tof_gap.solve.worth import rescored
+from tof_gap.solve.choose.judge import Selector
+from tof_gap.solve.choose.worth import rescored
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.range_offset import RangeOffset
 from tof_sensor.effects.subsurface import Subsurface
 from tof_sensor.effects.temperature_drift import TemperatureDrift
 
 if TYPE_CHECKING:
-    from tof_gap.solve.columns import Design
+    from tof_gap.solve.hypotheses.columns import Design
 
 CONFIG = GapConfig()
 DEVIATION = 1.0 / np.sqrt(VIEWS * PIXELS)

@@ -8,7 +8,7 @@ import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_gap.limits.solve import SelectLimits
-from tof_gap.seen.residual import less, noise_again
+from tof_gap.seen.evidence.residual import less, noise_again
 from tof_gap.solve.conclude import _small
 
 

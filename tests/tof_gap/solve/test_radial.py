@@ -14,7 +14,7 @@ from tof_align.config import AlignConfig
 from tof_core.config import updated
 from tof_gap.config import GapConfig
 from tof_gap.limits.evidence import EvidenceLimits
-from tof_gap.seen.residual import gather
+from tof_gap.seen.evidence.residual import gather
 from tof_gap.solve import radial
 from tof_gap.solve.start import Start
 

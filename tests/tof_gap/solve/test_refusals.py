@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -13,8 +14,11 @@ from tof_core.capture import Capture, View
 from tof_core.errors import RefusedError
 from tof_gap.limits.evidence import EvidenceLimits
 from tof_gap.limits.solve import StartLimits
-from tof_gap.seen.residual import ViewEvidence, gather
+from tof_gap.seen.evidence.residual import gather
 from tof_gap.solve.start import check_fit
+
+if TYPE_CHECKING:
+    from tof_gap.seen.evidence.view import ViewEvidence
 
 
 def evidence(factor: float, offset: float = 0.0, repeat: int = 3) -> tuple[ViewEvidence, ...]:

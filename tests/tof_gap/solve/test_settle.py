@@ -13,9 +13,9 @@ from tof_align.folds import deal
 from tof_core import se3
 from tof_core.config import from_mapping
 from tof_gap.config import GapConfig
-from tof_gap.solve.candidate import Candidate
-from tof_gap.solve.columns import ColumnStore, build
-from tof_gap.solve.select import select
+from tof_gap.solve.choose.select import select
+from tof_gap.solve.hypotheses.candidate import Candidate
+from tof_gap.solve.hypotheses.columns import ColumnStore, build
 from tof_gap.solve.settle import followed, settled
 from tof_gap.solve.solution import Joint
 from tof_sensor.effects.depth_scale import DepthScale

@@ -15,7 +15,7 @@ from tof_gap.limits.report import ReportLimits
 from tof_gap.seen.finding import Finding
 from tof_gap.solved import Named
 from tof_gap.tell.account import Account, Cause, unfounded, without_causes
-from tof_gap.tell.shrink import Errors, Shrink
+from tof_gap.tell.figures.shrink import Errors, Shrink
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, SIGMA_M, views
-from tof_gap.seen.correlation import NoiseCorrelation
+from tof_gap.seen.evidence.correlation import NoiseCorrelation
 from tof_gap.tell.line_means import line_sizes_m
 from tof_gap.tell.unexplained import lines_off
 

@@ -16,7 +16,7 @@ from tof_gap.tell.over_exposed import over_exposed, saturated
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.evidence.view import ViewEvidence
 
 ROWS = SHAPE[0] // 4
 """Rows at the upper edge of the image without depth: a quarter of all."""

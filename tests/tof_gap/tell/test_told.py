@@ -14,13 +14,15 @@ from tof_gap.limits.foreign import ForeignLightLimits
 from tof_gap.limits.missing import MissingLimits
 from tof_gap.limits.report import ReportLimits
 from tof_gap.limits.solve import SelectLimits
-from tof_gap.seen import detected, missing, noise
+from tof_gap.seen import detected
 from tof_gap.seen.finding import Finding
+from tof_gap.seen.missing import effects as missing
+from tof_gap.seen.noise import effects as noise
 from tof_gap.tell import account as room
 from tof_gap.tell.account import _findings, _gap, _named_m, account, rough_m
 from tof_gap.tell.diagnosis import Diagnosis, doubted
-from tof_gap.tell.floor import _shared, shown2
-from tof_gap.tell.shrink import Errors, Shrink
+from tof_gap.tell.figures.floor import _shared, shown2
+from tof_gap.tell.figures.shrink import Errors, Shrink
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.interference import Interference

@@ -12,7 +12,7 @@ import pytest
 
 from tests.tof_gap import two_walls
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
-from tests.tof_gap.seen import test_filtered
+from tests.tof_gap.seen.missing import test_filtered
 from tests.tof_gap.two_walls import mean
 from tof_core.config import updated
 from tof_core.reasons import Reason
@@ -22,7 +22,7 @@ from tof_gap.seen.finding import Finding
 from tof_gap.tell.account import astray2
 from tof_gap.tell.block_means import block_means
 from tof_gap.tell.diagnosis import doubted
-from tof_gap.tell.shrink import Errors, Shrink
+from tof_gap.tell.figures.shrink import Errors, Shrink
 from tof_gap.tell.unexplained import Unexplained, gross_share, look, misfit
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.multipath import Multipath
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tof_core.arrays import Float
-    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.seen.evidence.view import ViewEvidence
 
 NOISE_M = 0.002
 FAR_PART = 1203

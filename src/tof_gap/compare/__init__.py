@@ -1,0 +1,1 @@
+"""Two sessions compared: which effects a simulator lacks, exaggerates or adds."""

@@ -1,0 +1,1 @@
+"""Light that is not the camera's own."""

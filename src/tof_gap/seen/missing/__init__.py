@@ -1,0 +1,1 @@
+"""Effects that missing, wrapped and mixed pixels show."""

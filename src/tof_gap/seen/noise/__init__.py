@@ -1,0 +1,1 @@
+"""Effects that noise shows."""

@@ -1,0 +1,1 @@
+"""Which hypotheses a session supports: scores on held-out views, selection, ties."""

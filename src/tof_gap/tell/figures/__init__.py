@@ -1,0 +1,1 @@
+"""Figures of a session: floor, shrink, where the gap lies."""
