@@ -68,8 +68,10 @@ ROOMS = {
             "tof_gap.tell.figures.shrink": (),
         },
         (
-            *(f"tests/tof_gap/solve/test_{name}.py" for name in ("choosing", "ties", "confirmed", "scores", "select", "tolerance")),
-            *(f"tests/tof_gap/tell/test_{name}.py" for name in ("account", "told", "sums", "shrink", "floor")),
+            *(f"tests/tof_gap/solve/choose/test_{name}.py" for name in ("choosing", "ties", "scores", "select")),
+            *(f"tests/tof_gap/solve/test_{name}.py" for name in ("confirmed", "tolerance")),
+            *(f"tests/tof_gap/tell/test_{name}.py" for name in ("account", "told")),
+            *(f"tests/tof_gap/tell/figures/test_{name}.py" for name in ("sums", "shrink", "floor")),
         ),
     ),
     "correction": Room(
