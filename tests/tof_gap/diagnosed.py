@@ -52,6 +52,7 @@ def diagnosis(
         common=nothing,
         noise2=dict(enumerate(floors)),
         edge=[v.edge for v in evidence],
+        gross=nowhere,
         mixed=nowhere,
         held=HELD,
         unsure2=np.zeros(SHAPE),

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from tof_core.shares import in_percent
-from tof_gap.tell.report.words import listed, spaced, untested_words
+from tof_gap.tell.report.phrases import listed, spaced
+from tof_gap.tell.report.words import untested_words
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

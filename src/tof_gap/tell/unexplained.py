@@ -62,8 +62,8 @@ class Unexplained:
     effects' maps; share: the part of the gap's energy that is left, that free functions of an observable describe, or that steps of the
     camera along its axis absorb which are no errors of the arm, 0 without structure; depends_on: quantities that it varies with, most first; where: parts that carry it, most first; gross: share of pixels
     away from edges with an error that no bias reaches, 0 where they are as few as tools and cables make; resembles: effects that were
-    taken out since the views contradict their maps (`tell.contradicted`): a similar mechanism acts there; in_image: the quarter or half of
-    the image that carries most, in words.
+    taken out since the views contradict their maps (`tell.contradicted`): a similar mechanism acts there; in_image: the part of the
+    image that carries most, in words.
     """
 
     rmse_mm: float
@@ -129,7 +129,7 @@ def look(
         size,
         structured=True,
         depends_on=_once([LOST] * bool(gone.any()), of_lines, depends_on or _depends_on(views, left, floor2, limits)),
-        where=tuple(scene.parts[i].name for i in _carriers(means, gone, off, limit)),
+        where=tuple(scene.names[i] for i in _carriers(means, gone, off, limit)),
         share=_share(size**2, (1e3 * solved.unnamed_m) ** 2 + _in_steps2(found), before2),
         gross=gross if gross > limit.gross_share else 0.0,
         resembles=tuple(contradicted),

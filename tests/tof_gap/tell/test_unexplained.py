@@ -104,7 +104,8 @@ def account(seen: tuple[ViewEvidence, ...], left: list[np.ndarray], before_mm: f
 
 def parts(count: int) -> Any:
     """A scene of so many parts."""
-    return SimpleNamespace(parts=[SimpleNamespace(name=f"part_{i}") for i in range(count)])
+    names = tuple(f"part_{i}" for i in range(count))
+    return SimpleNamespace(names=names, parts=names)
 
 
 def test_a_part_beyond_a_thousand_is_reported_by_its_own_name() -> None:

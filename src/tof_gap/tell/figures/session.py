@@ -39,7 +39,7 @@ class Figures:
     residual: metres before any effect, NaN where a pixel does not count; floors: m^2; maps: metres per effect; common: metres of
     noise that neighbours share (part of the floors); noise2: m^2 of white noise by held-out view (part of the floors); edge: pixels
     that count only where `flying_pixels` is named; mixed: pixels of `edge` whose depth lies between their two surfaces; held:
-    held-out views; unsure2: m^2 along the ray, variance of the error of the fixed pattern's map; step_m: metres between depth codes,
+    held-out views; gross: pixels away from edges that count only where `phase_wrap` is named; unsure2: m^2 along the ray, variance of the error of the fixed pattern's map; step_m: metres between depth codes,
     where `quantization` is named; posed_m: metres of noise that neighbours share and that the poses absorbed; rng: for resampling;
     limits: how the figures are computed; window_px: pixels over which a filter in the camera averages, 1 without one.
     """
@@ -50,6 +50,7 @@ class Figures:
     common: Sequence[Float]
     noise2: Mapping[int, Float]
     edge: Sequence[Mask]
+    gross: Sequence[Mask]
     mixed: Sequence[Mask]
     held: Sequence[int]
     unsure2: Float
@@ -90,13 +91,14 @@ class Figures:
         return replace(measure(held_out, self.rng, self.limits.shrink, unsure2), off_edges_mm=self._off_edges_mm(before, after, floors))
 
     def _off_edges_mm(self, before: Sequence[Float], after: Sequence[Float], floors: Sequence[Float]) -> tuple[float, float] | None:
-        """RMS in mm above the noise, before and after, of the held-out pixels away from edges; None where edges do not count.
+        """RMS in mm above the noise, before and after, of the held-out pixels that neither lie at edges nor wrap; None where these do not count.
 
         before, after: (H, W) metres per held-out view; floors: m^2.
         """
-        if FlyingPixels.NAME not in self.maps:
+        few = [of for name, of in ((FlyingPixels.NAME, self.edge), (PhaseWrap.NAME, self.gross)) if name in self.maps]
+        if not few:
             return None
-        away = away_from_edges([self.edge[v] for v in self.held], before)
+        away = [np.where(np.any([of[v] for of in few], axis=0), np.nan, b) for v, b in zip(self.held, before, strict=True)]
         return blocks(away, after, floors, self.limits.block_px).above_mm
 
     @cached_property
@@ -134,6 +136,7 @@ def figures(solved: Solved, findings: Sequence[Finding], rng: np.random.Generato
         common=common,
         noise2={v: quiet[v].sigma ** 2 for v in solved.split.held_out},
         edge=edge,
+        gross=[v.gross & ~e for v, e in zip(views, edge, strict=True)],
         mixed=[between(true, e) for true, e in zip(solved.bare, edge, strict=True)],
         held=solved.split.held_out,
         unsure2=unsure2,

@@ -37,7 +37,7 @@ class Shrink:
     """1 - (after^2 - floor^2 + healthy^2) / (before^2 - floor^2 + healthy^2) on RMSE, None where before is at the floor.
 
     healthy: error of a healthy camera that the poses absorb. The residuals do not show it, and no named effect removes it.
-    off_edges_mm: RMS in mm above the noise before and after, of the pixels away from edges; None where edges do not count.
+    off_edges_mm: RMS in mm above the noise before and after, of the pixels that neither lie at edges nor wrap; None where those do not count.
     """
 
     before: Errors
@@ -49,12 +49,12 @@ class Shrink:
 
     @property
     def shown_mm(self) -> tuple[float, float]:
-        """RMS in mm above the noise before and after, as pictures show it: away from edges, if edges count."""
+        """RMS in mm above the noise before and after, as pictures show it: without pixels at edges and wrapped ones, if these count."""
         return self.off_edges_mm or (self.above_mm(self.before), self.above_mm(self.after))
 
     @property
     def off_edges(self) -> float | None:
-        """Shrink away from edges; None where edges do not count, or where there is no gap away from them."""
+        """Shrink without pixels at edges and wrapped ones; None where these do not count, or where there is no gap without them."""
         if self.off_edges_mm is None or not self.off_edges_mm[0] > 0.0:
             return None
         return 1.0 - (self.off_edges_mm[1] / self.off_edges_mm[0]) ** 2

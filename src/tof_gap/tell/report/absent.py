@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from tof_gap.solved import ANY_PART
-from tof_gap.tell.report.words import spaced
+from tof_gap.tell.report.phrases import spaced
 from tof_sensor.registry import VOCABULARY
 
 if TYPE_CHECKING:
@@ -40,20 +40,22 @@ def absent_words(bounds: Mapping[str, Bound | None], parts: Sequence[str], least
     mm = {name: 1e3 * bound.below_m for name, bound in bounds.items() if bound is not None}
     below = [spaced(name) for name in mm if mm[name] <= least_mm]
     others = [spaced(name) for name, bound in bounds.items() if bound is None]
-    larger = sorted((name for name in mm if mm[name] > least_mm), key=lambda name: -mm[name])
+    free = [spaced(name) for name in mm if mm[name] > ANY_SIZE_MM]
+    larger = sorted((name for name in mm if least_mm < mm[name] <= ANY_SIZE_MM), key=lambda name: -mm[name])
     lines = []
+    if free:
+        lines.append(
+            f"not testable in these views: {', '.join(free)} (poses or the named effects make the same error, whatever its size; views from other "
+            "distances, angles and times tell them apart)"
+        )
     if larger:
-        most = ", ".join(f"{spaced(name)} ({_up_to(mm[name])}{_where(bounds[name], parts)})" for name in larger)
+        most = ", ".join(f"{spaced(name)} (up to {mm[name]:.1f} mm{_where(bounds[name], parts)})" for name in larger)
         lines.append(f"not found, but could hide behind noise, poses or the named effects: {most}")
     if below:
         lines.append(f"tested and not found, each below {least_mm:g} mm RMS: {', '.join(below)}")
     if others:
         lines.append(f"tested and not found: {', '.join(others)}")
     return lines
-
-
-def _up_to(mm: float) -> str:
-    return "of any size" if mm > ANY_SIZE_MM else f"up to {mm:.1f} mm"
 
 
 def _where(bound: Bound | None, parts: Sequence[str]) -> str:

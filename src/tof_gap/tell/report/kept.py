@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tof_gap.tell.figures.shrink import blocks, measure
-from tof_gap.tell.report.words import interval, percent
+from tof_gap.tell.report.phrases import interval, percent
 from tof_sensor.effect import Evidence
 from tof_sensor.registry import EFFECTS
 

@@ -13,8 +13,10 @@ from tof_gap.tell.figures.where import Bin
 from tof_gap.tell.report import pictures
 from tof_gap.tell.report.absent import absent_words
 from tof_gap.tell.report.kept import GROWS
+from tof_gap.tell.report.phrases import interval, percent
 from tof_gap.tell.report.plant import course_of
-from tof_gap.tell.report.words import expected_words, interval, percent, sentence, size_in_words, small_words, todo, unexplained_words
+from tof_gap.tell.report.unexplained import unexplained_words
+from tof_gap.tell.report.words import expected_words, most_pixels, sentence, size_in_words, small_words, todo
 from tof_scene.world.words import lines, of_views
 from tof_sensor.registry import EFFECTS
 
@@ -42,8 +44,10 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str, 
         named=any(v not in ("none", "unknown") for v in content["verdict"]),
         todo=todo(content),
         gap=gap,
-        before_mm=d.gap.above_mm(d.gap.before),
-        after_mm=d.gap.above_mm(d.gap.after),
+        before_mm=d.gap.shown_mm[0],
+        after_mm=d.gap.shown_mm[1],
+        all_mm=(d.gap.above_mm(d.gap.before), d.gap.above_mm(d.gap.after)),
+        most_pixels=most_pixels(d.verdict),
         percent=percent,
         shrink=percent(gap["shrink"]),
         interval=interval(gap["shrink_ci95"]),

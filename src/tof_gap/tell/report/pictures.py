@@ -9,6 +9,7 @@ import numpy as np
 
 from tof_core.page import PALETTE, axes, figure_uri
 from tof_gap.seen.evidence.residual import single
+from tof_gap.tell.report.words import most_pixels
 from tof_sensor.geometry import cell_points
 
 if TYPE_CHECKING:
@@ -97,7 +98,7 @@ def _projected(d: Diagnosis, maps: Sequence[Float]) -> tuple[Float, Float, Ints]
 def how_far(d: Diagnosis) -> str:
     """Bars of the gap above the noise: before, after, and with each named effect alone; the noise as a band of its own.
 
-    Where edges count, the gap away from edges: the few pixels there would hide everything else.
+    Where edges or wrapped pixels count, the gap without them: these are few, and would hide everything else.
     """
     gap = d.gap
     rows = [(f"gap {when}", mm, colour) for when, mm, colour in zip(("before", "after"), gap.shown_mm, (BEFORE, AFTER), strict=True)]
@@ -110,7 +111,7 @@ def how_far(d: Diagnosis) -> str:
         ax.text(value, i, f" {value:.2f}", va="center", color=INK, fontsize=9)
     ax.text(gap.floor_mm, -0.72, f"noise {gap.floor_mm:.2f}", ha="center", color=INK, fontsize=8)
     ax.invert_yaxis()
-    where = "" if gap.off_edges_mm is None else ", away from edges"
+    where = "" if gap.off_edges_mm is None else f", {most_pixels(d.verdict)}"
     ax.set_xlabel(f"RMS above the noise on held-out views{where}, mm")
     return figure_uri(figure)
 

@@ -13,7 +13,7 @@ from scipy.ndimage import uniform_filter
 from tof_core.shares import in_percent
 from tof_core.stats import joined, least_touched
 from tof_gap.seen.finding import not_expected
-from tof_gap.tell.report.words import listed, spaced
+from tof_gap.tell.report.phrases import listed, spaced
 from tof_gap.tell.unexplained import by_part
 from tof_sensor.effect import Evidence
 from tof_sensor.session import Course

@@ -3,24 +3,22 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from tof_gap.seen.finding import not_expected
 from tof_gap.tell.report.absent import absent_words
 from tof_gap.tell.report.files import arm_errors, arm_prior
+from tof_gap.tell.report.phrases import interval, percent, spaced
+from tof_gap.tell.report.unexplained import SHOWN_RMS_MM, unexplained_words, where_to_look
 from tof_gap.tell.report.words import (
-    SHOWN_RMS_MM,
     calibration_words,
     doubt_words,
     expected_words,
     hand_eye_words,
-    interval,
-    percent,
+    most_pixels,
     small_words,
-    spaced,
-    unexplained_words,
     untested_words,
-    where_to_look,
 )
 from tof_scene.world.words import lines as world_lines
 from tof_scene.world.words import of_views
@@ -42,7 +40,7 @@ def summary(d: Diagnosis) -> list[str]:
     return [
         f"verdict: {', '.join(sorted(d.verdict, key=lambda name: name == UNKNOWN))}{meaning_of(d.verdict)}",
         *(f"note: {what} To do: {todo}" for what, todo in d.notes),
-        *_gap_lines(d),
+        *gap_lines(d),
         *_cause_lines(d),
         *_pose_lines(d),
         *_unexplained_lines(d),
@@ -60,17 +58,18 @@ def meaning_of(verdict: Sequence[str]) -> str:
     return " (camera and simulation agree to within the noise)" if "none" in verdict else ""
 
 
-def _gap_lines(d: Diagnosis) -> list[str]:
+def gap_lines(d: Diagnosis) -> list[str]:
     """The gap, and what remains of it."""
-    g = d.gap
+    g, few = d.gap, d.gap.off_edges_mm is not None
+    (before, after), which = g.shown_mm, f" {most_pixels(d.verdict)}" if few else ""
+    of_all = f"; {g.above_mm(g.before):.2f} mm with all pixels, of which few are off by centimetres or more" if few else ""
     lines = [
-        f"gap, measured minus simulated depth: {g.above_mm(g.before):.2f} mm RMS above the noise of {g.floor_mm:.2f} mm, on views that took no part in the fit"
+        f"gap{which}, measured minus simulated depth: {before:.2f} mm RMS above the noise of {g.floor_mm:.2f} mm, on views that took no part in the fit{of_all}"
     ]
     if d.asserts:
         rest = "" if d.unexplained.structured else ", without structure"
-        lines.append(f"with the named effects simulated: {g.above_mm(g.after):.2f} mm remain{rest}")
-        if g.off_edges_mm is not None:
-            lines.append("without pixels at edges, which cover two surfaces: {:.2f} mm, of which {:.2f} mm remain".format(*g.off_edges_mm))
+        of_all = f"; {g.above_mm(g.after):.2f} mm with all pixels" if few else ""
+        lines.append(f"with the named effects simulated: {after:.2f} mm remain{rest}{of_all}")
         if g.shrink is not None and g.ci95 is not None:
             lines.append(f"the squared gap shrinks by {percent(g.shrink)}; the true effects would shrink it by {interval(g.ci95)}")
     elif d.doubted and d.causes:
@@ -94,7 +93,7 @@ def _cause_lines(d: Diagnosis) -> list[str]:
 def _cause_line(c: Cause, d: Diagnosis) -> str:
     """One effect of the solution: its confidence, and the share of the gap that it explains alone."""
     away = c.alone.off_edges
-    shrink, of_what = (c.alone.shrink, "the gap") if away is None else (away, "the gap away from edges")
+    shrink, of_what = (c.alone.shrink, "the gap") if away is None else (away, f"the gap {most_pixels(d.verdict)}")
     if shrink is None:
         alone = ""
     elif shrink > 0:
@@ -124,4 +123,4 @@ def _unexplained_lines(d: Diagnosis) -> list[str]:
         return []
     left = unexplained_words(d.unexplained, d.simulated)
     suspects = [spaced(c.named.name) for c in d.causes if d.suspected(c)]
-    return [f"unexplained: {left} To do: {where_to_look(d.unexplained.where, d.unexplained.depends_on, suspects)}"]
+    return [f"unexplained: {left} To do: {where_to_look(asdict(d.unexplained), suspects)}"]

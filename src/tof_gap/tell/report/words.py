@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sentences of the report: the verdict, what to do now, sizes of effects, what is unexplained."""
+"""Sentences of the report: the verdict, what to do now, sizes of effects, the calibration."""
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +10,8 @@ import numpy as np
 from tof_core.errors import ToftwinError
 from tof_core.se3 import distance
 from tof_core.shares import in_percent
+from tof_gap.tell.report.phrases import listed, percent, quantities, spaced
+from tof_gap.tell.report.unexplained import clues, where_to_look
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -18,40 +19,14 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_core.calibration import Calibration
     from tof_gap.seen.finding import Finding
-    from tof_gap.tell.unexplained import Unexplained
     from tof_sensor.session import Course
 
-PLACE = "place in the cell"
-GOES_WITH = {
-    "edge_px": "distance to an edge",
-    "x_m": PLACE,
-    "y_m": PLACE,
-    "z_m": PLACE,
-    "temperature_c": "temperature",
-    "hand": "the camera's place on the hand",
-    "viewed": "distance and brightness of the view",
-    "attitude": "the hand's attitude, as where its mount or the arm gives way",
-    "arm": "the arm's pose, whose errors exceed what the robot's prior allows",
-    "stray_light": "stray light over the returned light",
-    "region": "the region of the cell that light comes from",
-    "ghost": "the light of the opposite side of the image",
-}
-"""Words for observables whose names are no words of a reader."""
 HELD_MM, HELD_DEG = 0.05, 0.005
 """Distance from the stated hand-eye that would be stated as 0.0 mm and 0.00 degrees: the prior of a mount that counts as exact leaves as much."""
-FIRST_LOOK = {
-    "stray_light": "Check the camera's window and the air before it: light that a cover glass reflects, or that spreads in dirt, dust or fog, errs with stray light over the returned light.",
-    "region": "Check for glass, film or liquid before the parts: light into one region of the cell is late by one amount.",
-    "ghost": "Check the camera's lens and window: a share of the light returns mirrored through the image's centre, as reflections between lens, window and sensor make it.",
-    "viewed": "Check the camera's exposure, supply and driver: it errs by another amount in each view, as distance and brightness change.",
-    "column": "Check the camera's read-out, and reflections in its window: the error keeps to columns of the image.",
-    "row": "Check the camera's read-out, and reflections in its window: the error keeps to rows of the image.",
-}
-"""What to check first where the cause shows in what the error varies with."""
+FEW_PIXELS = {"flying_pixels": "away from edges", "phase_wrap": "without wrapped pixels"}
+"""Words for what is left once the pixels of these effects are taken out, which are few and off by centimetres."""
 SHOWN_MM = 0.05
 """Size in millimetres below which 0.0 would be stated."""
-SHOWN_RMS_MM = 0.005
-"""RMS error in millimetres below which 0.00 would be stated."""
 MOST_STATED = 3
 """Instances of one effect whose sizes are stated."""
 
@@ -67,13 +42,13 @@ def sentence(content: dict[str, Any]) -> str:
     if not names:
         suspects = _suspects(content)
         also = f" Part of it looks like {listed(suspects)}, but too much is left to be sure." if suspects else ""
-        return f"Camera and simulation differ, and no effect known here explains the difference.{_clues(content['unexplained'])}{also}"
+        return f"Camera and simulation differ, and no effect known here explains the difference.{clues(content['unexplained'])}{also}"
     verb = "explain" if len(names) > 1 else "explains"
     away = _off_edges(content)
     how = "" if gap["shrink"] is None or away else f" and {verb} {percent(gap['shrink'])} of the gap"
     more = ""
     if "unknown" in content["verdict"]:
-        more = f" Something else is left that no effect known here explains.{_clues(content['unexplained'])}"
+        more = f" Something else is left that no effect known here explains.{clues(content['unexplained'])}"
     which = f"{', which together' if len(names) > 1 else ', which'}{how[4:]}" if how else ""
     return f"Camera and simulation differ by {listed(names)}{which}.{away}{more}"
 
@@ -101,37 +76,8 @@ def todo(content: dict[str, Any]) -> list[str]:
         )
     lines += [f"Capture: {line}." for line in content["advice"]]
     if "unknown" in content["verdict"]:
-        left = content["unexplained"]
-        lines.append(where_to_look(left["where"], left.get("depends_on", ()), _suspects(content)))
+        lines.append(where_to_look(content["unexplained"], _suspects(content)))
     return lines
-
-
-def where_to_look(where: Sequence[str], depends_on: Sequence[str] = (), suspects: Sequence[str] = ()) -> str:
-    """What to do about the unexplained gap; `where`: parts that carry it; `depends_on`: quantities that it varies with; `suspects`: in words."""
-    if "attitude" in depends_on:
-        return "Check the camera's mount and the arm for play: the camera turns under its own weight as the hand turns."
-    light = f" (suspected: {listed(suspects)})" if suspects else ""
-    sign = next((quantity for quantity in depends_on if quantity in FIRST_LOOK), "")
-    first = FIRST_LOOK.get(sign, "")
-    nothing = "If there is none" if sign == "region" else "If it is in order"
-    look, check = (f"{nothing}, look", f"{nothing}, check") if first else ("Look", "Check")
-    if "arm" in depends_on:
-        then = (
-            f"{check} the arm's encoders, the base and TF: camera poses err from view to view by more than align.priors.arm_mm and arm_deg. "
-            "If this arm is no better, state its errors there. If robot and TF are in order, the fitted poses have followed an error of the "
-            f"camera or of the light that differs from view to view{light}."
-        )
-    elif where:
-        they = "it is" if len(where) == 1 else "they are"
-        then = (
-            f"{look} at {listed(where[:3])}, where most of the error lies: check whether {they} as drawn and in place, and whether {they} glossy, "
-            f"wet or transparent. If nothing is to be seen there, the cause is the camera's or the light's{light}."
-        )
-    else:
-        then = (
-            f"{look} at the maps of the report: no effect known here explains the error that is left, and it lies on no part in particular."
-        )
-    return f"{first} {then}" if first else then
 
 
 def size_in_words(cause: dict[str, Any], course: Course) -> str:
@@ -158,57 +104,22 @@ def _stated(name: str, params: dict[str, Any], course: Course) -> str:
 
 
 def _off_edges(content: dict[str, Any]) -> str:
-    """The gap away from edges, where edges count: the few pixels there are off by centimetres and dominate an RMS."""
+    """The gap of most pixels, where edges or wrapped pixels count: these are few and off by centimetres, and dominate an RMS."""
     away = content["gap"].get("off_edges_mm")
     if away is None:
         return ""
+    where = most_pixels(content["verdict"]).capitalize()
     before, after = (f"{away[when]:.1f} mm" for when in ("before", "after"))
     if before == after:
-        return f" Away from edges a gap of {before} stays{'' if content['unexplained']['structured'] else ', in which no structure shows'}."
-    return f" Away from edges the gap is {before}, and {after} once the named effects are simulated."
+        return f" {where} a gap of {before} stays{'' if content['unexplained']['structured'] else ', in which no structure shows'}."
+    return f" {where} the gap is {before}, and {after} once the named effects are simulated."
 
 
-def _clues(unexplained: Mapping[str, Any]) -> str:
-    """What the unexplained gap varies with, where it is, and what it is like, as sentences that each begin with a space."""
-    varies, where, place, gross, like = (unexplained.get(key) for key in ("depends_on", "where", "in_image", "gross", "resembles"))
-    clues = [f"varies with {listed(quantities(varies))}"] if varies else []
-    clues += [f"shows most on {listed(where[:3])}"] if where else []
-    clues += [f"lies in {place}"] if place else []
-    found = [f"It {'; it '.join(clues)}."] if clues else []
-    if gross:
-        found.append(
-            f"{in_percent(gross, 1)} of the pixels away from edges are off by centimetres: that is no bias, but another surface, a mirror or a wrapped phase."
-        )
-    if like:
-        was, it, changes, this = ("was", "it", "it changes", "this one") if len(like) == 1 else ("were", "they", "they change", "these")
-        found.append(
-            f"{listed([spaced(n) for n in like]).capitalize()} {was} fitted and rejected: simulated, {it} would leave much of the error on the pixels "
-            f"that {changes}, or {it} would need another size in each view. Another cause acts there, or {this} in a form that no formula here describes."
-        )
-    return "".join(f" {sentence}" for sentence in found)
-
-
-def quantities(observables: Sequence[str]) -> list[str]:
-    """Words for these observables, each once."""
-    return list(dict.fromkeys(GOES_WITH.get(q, q.split("_")[0]) for q in observables))
-
-
-def unexplained_words(u: Unexplained, simulated: str = "named") -> str:
-    """The error left away from edges: its size, what it varies with, where it is.
-
-    simulated: the effects that were subtracted, "named" or only "suspected"; "" where there are none.
-    """
-    of_blocks = "(means of blocks of pixels away from edges, all views)"
-    still = "still share" if simulated else "share"
-    share = "share no error above the noise" if u.rmse_mm < SHOWN_RMS_MM else f"{still} an error of {u.rmse_mm:.2f} mm RMS"
-    others = "; other signs show one" if u.rmse_mm < SHOWN_RMS_MM else ""
-    opening = f"With the {simulated} effects simulated, neighbouring" if simulated else "Neighbouring"
-    return f"{opening} pixels {share} {of_blocks}{others}.{_clues(asdict(u))}"
-
-
-def spaced(name: str) -> str:
-    """The name of an effect in a sentence."""
-    return name.replace("_", " ").replace("cad ", "CAD ")
+def most_pixels(verdict: Iterable[str]) -> str:
+    """Which pixels the gap of most pixels is of, where this verdict explains the others, which are few and off by centimetres."""
+    names = {name for v in verdict for name in v.split("|")}
+    few = [words for name, words in FEW_PIXELS.items() if name in names]
+    return listed(few) if few else FEW_PIXELS["flying_pixels"]
 
 
 def expected_words(findings: Iterable[Finding]) -> list[str]:
@@ -254,21 +165,6 @@ def small_words(names: Sequence[str], sizes_mm: Mapping[str, float]) -> str:
 def doubt_words(unexplained: float, doubt: float) -> str:
     """Why no effect is asserted."""
     return f"no effect is asserted: {in_percent(unexplained, 1)} of the gap is unexplained, and from {percent(doubt)} on effects are only suspected"
-
-
-def listed(names: Sequence[str], last: str = "and") -> str:
-    """Names in a sentence."""
-    return f" {last} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
-
-
-def percent(share: float | None) -> str:
-    """A share in per cent; a dash where it is not known."""
-    return "–" if share is None else in_percent(share)
-
-
-def interval(ci: Sequence[float] | None) -> str:
-    """The 95 % interval of a share, cut at 100 %; "" where it is not known. Below 0 a gap grows."""
-    return "" if ci is None else f"{percent(min(ci[0], 1.0))} to {percent(min(ci[1], 1.0))} with 95 % confidence"
 
 
 def untested_words(reasons: Mapping[str, str], where: str = "") -> list[str]:

@@ -74,6 +74,7 @@ def of(residual: list[Float], **made: Any) -> Figures:
         "common": blank,
         "noise2": noise2,
         "edge": nowhere,
+        "gross": nowhere,
         "mixed": nowhere,
         "held": range(len(residual)),
         "unsure2": np.zeros(SHAPE),
@@ -127,6 +128,18 @@ def test_where_edges_count_the_gap_away_from_them_is_stated_beside_it() -> None:
     squares = 4.0**2 + (50.0**2 + 2 * 4.0 * 50.0) / 16, 50.0**2 / 16  # one pixel in 16 is at an edge
     assert alone.shrink == pytest.approx(1 - squares[1] / squares[0], abs=0.01), "these few make most of the gap"
     assert of([residual], maps={"wiggling": [wave]}, edge=[mixed]).shrink(["wiggling"]).off_edges_mm is None, "edges do not count"
+
+
+def test_where_wrapped_pixels_count_the_gap_without_them_is_stated_beside_it() -> None:
+    """A wiggle of 4 mm everywhere and one pixel in 64 wrapped by 2 m: the wrap makes nearly all of the squared error."""
+    wrapped = np.zeros(SHAPE, bool)
+    wrapped[::8, ::8] = True
+    wave, wrap = np.full(SHAPE, 0.004), np.where(wrapped, 2.0, 0.0)
+    residual = wave + wrap + np.random.default_rng(5).normal(0, 0.001, SHAPE)
+    both = of([residual], maps={"wiggling": [wave], "phase_wrap": [wrap]}, gross=[wrapped]).shrink(["phase_wrap"])
+    assert both.off_edges_mm == pytest.approx((4.0, 4.0), abs=0.1), "the wrap is no part of what most pixels are off by"
+    assert both.shown_mm == both.off_edges_mm
+    assert both.above_mm(both.before) == pytest.approx(2004 * np.sqrt(wrapped.mean()), rel=0.01)
 
 
 def test_only_edges_that_measure_between_their_two_surfaces_up_to_noise_are_mixed() -> None:

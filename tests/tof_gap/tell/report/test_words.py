@@ -16,17 +16,13 @@ from tof_gap.tell.report.words import (
     doubt_words,
     expected_words,
     hand_eye_words,
-    interval,
+    most_pixels,
     sentence,
     size_in_words,
     small_words,
-    spaced,
     todo,
-    unexplained_words,
     untested_words,
-    where_to_look,
 )
-from tof_gap.tell.unexplained import Unexplained
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.quantization import Quantization
@@ -101,18 +97,8 @@ def content(
     *verdict: str, where: tuple[str, ...] = (), advice: tuple[str, ...] = (), missing: tuple[str, ...] = (), moving: tuple[bool, ...] = ()
 ) -> dict[str, Any]:
     world = {"missing": [{"part": name} for name in missing], "foreign": [{"moves": moves} for moves in moving]}
-    left = {"where": list(where)}
+    left = {"where": list(where), "depends_on": []}
     return {"verdict": list(verdict), "notes": [], "causes": [], "unexplained": left, "advice": list(advice), "world": world}
-
-
-def test_an_interval_shows_no_more_than_all_of_the_gap() -> None:
-    assert interval((0.8, 1.05)) == "80 % to 100 % with 95 % confidence"
-    assert interval((-0.12, 1.0)) == "-12 % to 100 % with 95 % confidence", "the gap may have grown"
-    assert interval(None) == ""
-
-
-def test_the_name_of_an_effect_is_written_as_a_reader_writes_it() -> None:
-    assert [spaced(name) for name in ("cad_deviation", "lens_scatter", "noise")] == ["CAD deviation", "lens scatter", "noise"]
 
 
 def test_a_healthy_session_asks_for_nothing() -> None:
@@ -141,68 +127,6 @@ def test_an_object_that_moves_is_no_fault_of_the_cell(moving: tuple[bool, ...], 
     assert [line[: len(w)] for line, w in zip(lines, words, strict=True)] == words
 
 
-LEFT = "neighbouring pixels still share an error of 0.32 mm RMS (means of blocks of pixels away from edges, all views)"
-
-
-@pytest.mark.parametrize(
-    ("where", "depends_on", "words"),
-    [
-        ((), (), f"With the named effects simulated, {LEFT}."),
-        (("door", "sill"), (), f"With the named effects simulated, {LEFT}. It shows most on door and sill."),
-        (
-            ("door",),
-            ("range_m", "edge_px"),
-            f"With the named effects simulated, {LEFT}. It varies with range and distance to an edge; it shows most on door.",
-        ),
-    ],
-)
-def test_what_is_left_is_stated_as_far_as_it_is_known(where: tuple[str, ...], depends_on: tuple[str, ...], words: str) -> None:
-    assert unexplained_words(Unexplained(0.324, structured=True, depends_on=depends_on, where=where)) == words
-
-
-def test_what_is_left_in_one_part_of_the_image_is_placed_there() -> None:
-    left = Unexplained(0.324, structured=True, depends_on=(), where=("door",), in_image="the lower half of the image")
-    assert unexplained_words(left).endswith("It shows most on door; it lies in the lower half of the image.")
-
-
-def test_what_is_left_beside_suspected_effects_is_stated_as_such() -> None:
-    left = Unexplained(0.324, structured=True, depends_on=(), where=("door",))
-    assert unexplained_words(left, "suspected") == f"With the suspected effects simulated, {LEFT}. It shows most on door."
-
-
-def test_where_no_effect_is_simulated_what_is_left_is_the_error_itself() -> None:
-    left = Unexplained(0.324, structured=True, depends_on=(), where=("door",))
-    assert unexplained_words(left, "") == f"N{LEFT[1:].replace('still ', '')}. It shows most on door."
-
-
-def test_an_error_that_block_means_do_not_show_is_not_stated_as_zero() -> None:
-    words = unexplained_words(Unexplained(0.004, structured=True, depends_on=("viewed",), where=()))
-    assert words.startswith("With the named effects simulated, neighbouring pixels share no error above the noise")
-    assert words.endswith("other signs show one. It varies with distance and brightness of the view.")
-
-
-def test_what_is_left_is_looked_for_on_its_parts() -> None:
-    assert where_to_look(("door", "sill")) == (
-        "Look at door and sill, where most of the error lies: check whether they are as drawn and in place, and whether they are glossy, wet or "
-        "transparent. If nothing is to be seen there, the cause is the camera's or the light's."
-    )
-    assert where_to_look(("rear",), (), ("multipath",)).endswith("the cause is the camera's or the light's (suspected: multipath).")
-    assert where_to_look(()).startswith("Look at the maps of the report: ")
-    assert where_to_look(("door",), ("attitude",)).startswith("Check the camera's mount")
-
-
-def test_what_varies_as_the_camera_s_own_errors_do_is_looked_for_in_the_camera_first() -> None:
-    first, then = where_to_look(("floor",), ("stray_light",)).split(". ", 1)
-    assert first.startswith("Check the camera's window and the air before it")
-    assert then.startswith("If it is in order, look at floor")
-    assert where_to_look(("door",), ("region",)).startswith(
-        "Check for glass, film or liquid before the parts: light into one region of the cell is late by one amount. If there is none, look at door,"
-    )
-    assert where_to_look((), ("viewed", "arm")).index("supply and driver") < where_to_look((), ("viewed", "arm")).index(
-        "the arm's encoders"
-    )
-
-
 def test_the_gap_away_from_edges_stands_beside_one_that_few_pixels_at_edges_make() -> None:
     gap = {"shrink": 0.99, "off_edges_mm": {"before": 4.94, "after": 3.65}}
     found = {"verdict": ["flying_pixels"], "gap": gap, "causes": [], "unexplained": {"depends_on": [], "where": [], "structured": False}}
@@ -217,36 +141,6 @@ def test_the_gap_away_from_edges_stands_beside_one_that_few_pixels_at_edges_make
     )
 
 
-def test_pixels_that_no_bias_explains_are_stated_by_their_share() -> None:
-    """Blocks of pixels leave them out, so that an error of some tenths of a millimetre would explain nothing."""
-    gross = "1.3 % of the pixels away from edges are off by centimetres: that is no bias, but another surface, a mirror or a wrapped phase."
-    left = Unexplained(0.324, structured=True, depends_on=(), where=("door",), gross=0.013)
-    assert unexplained_words(left).endswith(f"{LEFT}. It shows most on door. {gross}")
-    report = {
-        "verdict": ["unknown"],
-        "causes": [],
-        "gap": {"shrink": None},
-        "unexplained": {"depends_on": [], "where": ["door"], "gross": 0.013},
-    }
-    assert (
-        sentence(report)
-        == f"Camera and simulation differ, and no effect known here explains the difference. It shows most on door. {gross}"
-    )
-
-
-def test_an_effect_that_is_contradicted_is_stated_with_what_contradicts_it() -> None:
-    like = (
-        "Lens scatter was fitted and rejected: simulated, it would leave much of the error on the pixels that it changes, or it would need "
-        "another size in each view. Another cause acts there, or this one in a form that no formula here describes."
-    )
-    assert unexplained_words(Unexplained(0.324, structured=True, depends_on=(), where=(), resembles=("lens_scatter",))).endswith(f" {like}")
-    left = {"depends_on": [], "where": ["door"], "resembles": ["lens_scatter"]}
-    report = {"verdict": ["unknown"], "causes": [], "gap": {"shrink": None}, "unexplained": left}
-    assert (
-        sentence(report) == f"Camera and simulation differ, and no effect known here explains the difference. It shows most on door. {like}"
-    )
-
-
 def test_what_is_expected_of_a_camera_is_stated_and_what_is_found_is_not() -> None:
     size, why = "3 % of the pixels, those of weak light", "a camera drops light by design whose depth is noisier than 8 mm"
     weak = Finding(Dropout(threshold=50.0), 0.9, size=size, expected=True, by_design=why)
@@ -255,12 +149,6 @@ def test_what_is_expected_of_a_camera_is_stated_and_what_is_found_is_not() -> No
         f"not in the verdict: dropout ({size}), as {why}",
         "not in the verdict: quantization, as the camera is known for it (--sensor)",
     ]
-
-
-def test_poses_may_follow_the_camera_where_they_err_from_view_to_view() -> None:
-    line = where_to_look(["table"], ["arm"], ["lens scatter"])
-    assert line.startswith("Check the arm's encoders, the base and TF")
-    assert line.endswith("followed an error of the camera or of the light that differs from view to view (suspected: lens scatter).")
 
 
 def test_effects_that_are_not_testable_for_one_reason_share_a_line() -> None:
@@ -306,3 +194,9 @@ def test_small_effects_have_their_sizes_where_these_are_known() -> None:
 
 def test_a_doubt_says_how_much_is_unexplained_and_how_much_may_be() -> None:
     assert doubt_words(0.056, 0.05) == "no effect is asserted: 5.6 % of the gap is unexplained, and from 5 % on effects are only suspected"
+
+
+def test_most_pixels_are_those_that_the_named_effects_of_few_pixels_leave() -> None:
+    assert most_pixels(["wiggling", "flying_pixels"]) == "away from edges"
+    assert most_pixels(["phase_wrap"]) == "without wrapped pixels"
+    assert most_pixels(["flying_pixels", "phase_wrap|dropout"]) == "away from edges and without wrapped pixels"
