@@ -76,7 +76,7 @@ class Account:
     arrays that every figure is computed from; gap: before and after all asserted effects; pushed: whether arm errors along the optical
     axis exceed the robot's prior and no named effect explains them; follows: whether they follow distance and amplitude of the views, as
     a depth error does that poses absorb; sags: whether turns of the camera follow the hand's attitude; astray: whether arm errors exceed
-    the robot's prior in positions and turns.
+    the robot's prior in positions and turns, and no named effect explains them.
     """
 
     solved: Solved
@@ -135,7 +135,6 @@ def account(
     # Late stamps move the cameras along their twist: what is left of that follows the drive.
     on_time = arms_tell and not solved.names(TimeSync.NAME)
     follows, sags = _arm_signs(solved, config.noise.foreign_light) if on_time else (False, False)
-    astray = on_time and over_prior(solved.arms, solved.arms_sd) > config.select.arm_rms
     findings = gated if alone else (*gated, *_findings(solved, config, stated, left_out, follows=follows))
     give_back()  # What the detectors have freed.
     counted = figures(solved, findings, rng, config.report)
@@ -146,12 +145,19 @@ def account(
         Cause(n, counted.shrink([n.name]), counted.shrink([m for m in counted.maps if m != n.name]).shrink, solved.sizes[n.name])
         for n in solved.named
     )
-    pushed = (
-        arms_tell
-        and not any(isinstance(f.effect, Interference) for f in findings)
-        and along_the_view(solved.arms, solved.arms_sd, config.noise.foreign_light)
-    )
-    return Account(solved, causes, findings, counted, gap, pushed, follows, sags, astray)
+    pushed, astray = arms_beyond_prior(solved, findings, config)
+    return Account(solved, causes, findings, counted, gap, arms_tell and pushed, follows, sags, on_time and astray)
+
+
+def arms_beyond_prior(solved: Solved, findings: Sequence[Finding], config: GapConfig) -> tuple[bool, bool]:
+    """Whether arm errors exceed the robot's prior along the optical axis; the same in positions and turns.
+
+    Neither beside another camera's light: that shifts and tilts the depth of single views, and poses absorb it.
+    """
+    if any(isinstance(f.effect, Interference) for f in findings):
+        return False, False
+    pushed = along_the_view(solved.arms, solved.arms_sd, config.noise.foreign_light)
+    return pushed, over_prior(solved.arms, solved.arms_sd) > config.select.arm_rms
 
 
 def unfounded(found: Account, limits: ForeignLightLimits) -> str | None:

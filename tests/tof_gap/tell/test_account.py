@@ -10,11 +10,12 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from tof_gap.config import GapConfig
 from tof_gap.limits.foreign import ForeignLightLimits
 from tof_gap.limits.report import ReportLimits
 from tof_gap.seen.finding import Finding
 from tof_gap.solved import Named
-from tof_gap.tell.account import Account, Cause, unfounded, without_causes
+from tof_gap.tell.account import Account, Cause, arms_beyond_prior, unfounded, without_causes
 from tof_gap.tell.figures.shrink import Errors, Shrink
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.noise import Noise
@@ -88,3 +89,16 @@ def test_what_was_read_off_structure_is_no_name_beside_structure_without_one() -
     found = replace(account(0.9, wiggling=0.7), findings=(stripes, rows))
     assert found.names(causes=True) == {"wiggling", "interference", "noise"}
     assert found.names(causes=False) == {"noise"}
+
+
+@pytest.mark.parametrize(
+    ("times", "beyond"),
+    [((0.9,) * 6, (False, False)), ((0.5, 0.5, 3.0, 0.5, 0.5, 0.5), (True, False)), ((3.0,) * 6, (False, True))],
+    ids=["as expected", "along the optical axis", "in all axes"],
+)
+def test_arms_beyond_their_prior_are_no_sign_beside_another_camera_s_light(times: tuple[float, ...], beyond: tuple[bool, bool]) -> None:
+    """Arm errors of so many standard deviations in each axis."""
+    sd = np.full((20, 6), 2e-3)
+    solved: Any = SimpleNamespace(arms=np.array(times) * sd * np.random.default_rng(7).standard_normal(sd.shape), arms_sd=sd)
+    assert arms_beyond_prior(solved, (), GapConfig()) == beyond
+    assert arms_beyond_prior(solved, (Finding(Interference(burst_m=0.004), 0.95),), GapConfig()) == (False, False)
