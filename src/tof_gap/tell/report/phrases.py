@@ -21,7 +21,7 @@ GOES_WITH = {
     "viewed": "distance and brightness of the view",
     "attitude": "the hand's attitude, as where its mount or the arm gives way",
     "arm": "the arm's pose, whose errors exceed what the robot's prior allows",
-    "stray_light": "stray light over the returned light",
+    "stray_light": "stray light from the rest of the image, over the pixel's own light",
     "region": "the region of the cell that light comes from",
     "ghost": "the light of the opposite side of the image",
 }

@@ -163,7 +163,7 @@ def _of_finding(found: Finding, words: Words, scene: Scene) -> Words:
     """The words of a finding, where its evidence says more than the effect's parameters."""
     return replace(
         words,
-        size=found.size or words.size,
+        size=found.size or words.size or found.note,
         where=words.where or on_parts([scene.parts[i].name for i in found.parts]),
         remedy=found.remedy or words.remedy,
         cost=words.cost or (NO_DEPTH if found.effect.EVIDENCE is Evidence.MISSING else ""),

@@ -67,6 +67,9 @@ def gap_lines(d: Diagnosis) -> list[str]:
         f"gap{which}, measured minus simulated depth: {before:.2f} mm RMS above the noise of {g.floor_mm:.2f} mm, on views that took no part in the fit{of_all}"
     ]
     if d.asserts:
+        if g.shrink is None and before - after < SHOWN_RMS_MM:
+            stays = ", and this gap stays" if before >= SHOWN_RMS_MM else ""
+            return [*lines, f"the named effects are noise or lost pixels, which change no mean depth{stays}"]
         rest = "" if d.unexplained.structured else ", without structure"
         of_all = f"; {g.above_mm(g.after):.2f} mm with all pixels" if few else ""
         lines.append(f"with the named effects simulated: {after:.2f} mm remain{rest}{of_all}")

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tof_gap.tell.unexplained import Unexplained
 
 FIRST_LOOK = {
-    "stray_light": "Check the camera's window and the air before it: light that a cover glass reflects, or that spreads in dirt, dust or fog, errs with stray light over the returned light.",
+    "stray_light": "Check the camera's window and the air before it for dirt, drops, dust and fog: pixels of weak light amid bright ones err most, as where a cover glass reflects light or haze spreads it.",
     "region": "Check for glass, film or liquid before the parts: light into one region of the cell is late by one amount.",
     "ghost": "Check the camera's lens and window: a share of the light returns mirrored through the image's centre, as reflections between lens, window and sensor make it.",
     "viewed": "Check the camera's exposure, supply and driver: it errs by another amount in each view, as distance and brightness change.",

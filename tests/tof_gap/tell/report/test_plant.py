@@ -147,12 +147,12 @@ def test_rivals_that_the_session_cannot_separate_stand_beside_the_name() -> None
 
 
 def test_noise_that_light_and_read_out_make_alike_is_said_to_be_one_of_both() -> None:
-    noisy = Finding(Ambient(uniform_m=1e-3, reference=2000.0), 0.9)
+    noisy = Finding(Ambient(uniform_m=1e-3, reference=2000.0), 0.9, note="noise 1.8 times the law's")
     words = plant_words(
         cast("Diagnosis", SimpleNamespace(evidence=views(np.random.default_rng(1)), causes=(), findings=(noisy,), shares={})), SCENE
     )[0]
     assert words.sentence() == (
-        f"Ambient: {Ambient.MEANING}. Or noise, which this session cannot separate from it. To do: record once more with sunlight and lamps shaded: "
+        f"Ambient: {Ambient.MEANING} (noise 1.8 times the law's). Or noise, which this session cannot separate from it. To do: record once more with sunlight and lamps shaded: "
         "noise that disappears was theirs, noise that stays is the camera's read-out noise; longer dwells reduce both."
     )
 

@@ -25,7 +25,7 @@ def test_an_answer_that_is_no_effect_is_explained(verdict: tuple[str, ...], mean
     assert meaning_of(verdict) == meaning
 
 
-def found(verdict: str, off_edges_mm: tuple[float, float] | None) -> Any:
+def found(verdict: str, off_edges_mm: tuple[float, float] | None = None) -> Any:
     """A diagnosis that asserts this effect; all pixels are off by 44.7 mm above the noise before, and by 3 mm after."""
     before, after = (Errors(rmse, rmse, 0.0) for rmse in (5**0.5 * 20, 10**0.5))
     gap = Shrink(before, after, floor_mm=1.0, shrink=0.98, ci95=(0.95, 1.0), off_edges_mm=off_edges_mm)
@@ -41,6 +41,14 @@ def test_the_gap_of_most_pixels_comes_first_where_few_are_off_by_centimetres() -
 
 
 def test_elsewhere_it_is_that_of_all_pixels() -> None:
-    gap, left, _ = gap_lines(found("wiggling", None))
+    gap, left, _ = gap_lines(found("wiggling"))
     assert gap == "gap, measured minus simulated depth: 44.71 mm RMS above the noise of 1.00 mm, on views that took no part in the fit"
     assert left == "with the named effects simulated: 3.00 mm remain, without structure"
+
+
+@pytest.mark.parametrize(("rmse", "stays"), [(1.0, ""), (10**0.5, ", and this gap stays")])
+def test_noise_and_loss_are_said_to_leave_the_gap(rmse: float, stays: str) -> None:
+    errors = Errors(rmse, rmse, 0.0)
+    named = found("noise")
+    named.gap = Shrink(errors, errors, floor_mm=1.0, shrink=None, ci95=None)
+    assert gap_lines(named)[1:] == [f"the named effects are noise or lost pixels, which change no mean depth{stays}"]
