@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 
 NOISE_SIGMA = 3.0
 """Standard deviations of noise by which a pixel may lie beside its surface."""
+WRAPPED_M = 0.5
+"""Metres beyond both surfaces from which a pixel at their edge is mixed, and its frequencies disagree on the wrap: half a wave of 300 MHz, more than
+cameras modulate with. Mixing by itself overshoots by 0.3 m at most (two sessions), and wraps were off by 1.3 to 3.9 m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +41,7 @@ class Figures:
 
     residual: metres before any effect, NaN where a pixel does not count; floors: m^2; maps: metres per effect; common: metres of
     noise that neighbours share (part of the floors); noise2: m^2 of white noise by held-out view (part of the floors); edge: pixels
-    that count only where `flying_pixels` is named; mixed: pixels of `edge` whose depth lies between their two surfaces; held:
+    that count only where `flying_pixels` is named; mixed: those of `edge` that are mixed ones (`mixed_pixels`); held:
     held-out views; gross: pixels away from edges that count only where `phase_wrap` is named; unsure2: m^2 along the ray, variance of the error of the fixed pattern's map; step_m: metres between depth codes,
     where `quantization` is named; posed_m: metres of noise that neighbours share and that the poses absorbed; rng: for resampling;
     limits: how the figures are computed; window_px: pixels over which a filter in the camera averages, 1 without one.
@@ -137,7 +140,7 @@ def figures(solved: Solved, findings: Sequence[Finding], rng: np.random.Generato
         noise2={v: quiet[v].sigma ** 2 for v in solved.split.held_out},
         edge=edge,
         gross=[v.gross & ~e for v, e in zip(views, edge, strict=True)],
-        mixed=[between(true, e) for true, e in zip(solved.bare, edge, strict=True)],
+        mixed=[mixed_pixels(true, e) for true, e in zip(solved.bare, edge, strict=True)],
         held=solved.split.held_out,
         unsure2=unsure2,
         step_m=max((f.effect.step_m for f in findings if isinstance(f.effect, Quantization)), default=0.0),
@@ -158,8 +161,8 @@ def no_jumps(views: Sequence[ViewEvidence], errors: Sequence[Float]) -> list[Flo
     return [np.where(v.still_gross(e), np.nan, e) for v, e in zip(views, errors, strict=True)]
 
 
-def between(view: ViewEvidence, edge: Mask) -> Mask:
-    """(H, W) pixels of `edge` (H, W) whose depth lies between those of the two surfaces there, up to noise: mixed pixels.
+def mixed_pixels(view: ViewEvidence, edge: Mask) -> Mask:
+    """(H, W) mixed pixels: those of `edge` (H, W) whose depth lies between those of the two surfaces there, up to noise, or wraps beyond both.
 
     Their mixed share, and so the depth that a map predicts, depends on half a pixel of pose: only that they are mixed is known. A share
     of 0 or 1 is among them: such a pixel shows one of its two surfaces, with noise on either side of it.
@@ -167,7 +170,8 @@ def between(view: ViewEvidence, edge: Mask) -> Mask:
     cad, noise = view.frame.depth, NOISE_SIGMA * view.sigma
     near, far = minimum_filter(np.nan_to_num(cad, nan=np.inf), 3), maximum_filter(np.nan_to_num(cad, nan=-np.inf), 3)
     with np.errstate(invalid="ignore"):
-        return np.asarray(edge & (view.view.depth > near - noise) & (view.view.depth < far + noise))
+        at, beyond = view.view.depth, np.maximum(view.view.depth - far, near - view.view.depth)
+        return np.asarray(edge & ((at > near - noise) & (at < far + noise) | (beyond > WRAPPED_M)))
 
 
 def used(view: ViewEvidence, findings: Sequence[Finding]) -> Float:

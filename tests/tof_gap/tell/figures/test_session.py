@@ -12,7 +12,7 @@ import pytest
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, views
 from tof_gap.limits.report import ReportLimits
 from tof_gap.seen.finding import Finding
-from tof_gap.tell.figures.session import Figures, between, no_jumps, used
+from tof_gap.tell.figures.session import Figures, mixed_pixels, no_jumps, used
 from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
@@ -142,7 +142,7 @@ def test_where_wrapped_pixels_count_the_gap_without_them_is_stated_beside_it() -
     assert both.above_mm(both.before) == pytest.approx(2004 * np.sqrt(wrapped.mean()), rel=0.01)
 
 
-def test_only_edges_that_measure_between_their_two_surfaces_up_to_noise_are_mixed() -> None:
+def test_edges_that_measure_between_their_two_surfaces_or_wrap_are_mixed() -> None:
     (view, *_) = views(np.random.default_rng(1))
     middle = SHAPE[1] // 2
     depth = np.where(np.arange(SHAPE[1]) < middle, 1.0, 1.3) * np.ones(SHAPE)
@@ -150,10 +150,12 @@ def test_only_edges_that_measure_between_their_two_surfaces_up_to_noise_are_mixe
     edge[:, middle] = True
     measured = depth.copy()
     measured[:10, middle], measured[10:20, middle], measured[20:, middle] = 1.15, 1.302, 1.31
+    measured[-3:, middle] = 0.55, 2.8, 0.4
     sigma = np.full(SHAPE, 1e-3)
     seen = replace(view, frame=replace(view.frame, depth=depth), sigma=sigma, view=replace(view.view, depth=measured.astype(np.float32)))
-    mixed = between(seen, edge)
+    mixed = mixed_pixels(seen, edge)
     assert mixed[:10, middle].all(), "between both surfaces"
     assert mixed[10:20, middle].all(), "on the far one: two standard deviations of noise behind it"
-    assert not mixed[20:].any(), "behind both, by ten of them"
-    assert mixed.sum() == 20, "no edge, no mixed pixel"
+    assert not mixed[20:-2].any(), "behind both, by ten of them; 0.45 m before both"
+    assert mixed[-2:, middle].all(), "1.5 m behind both and 0.6 m before them: by wraps"
+    assert mixed.sum() == 22, "no edge, no mixed pixel"
