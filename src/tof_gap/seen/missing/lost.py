@@ -36,6 +36,9 @@ NEIGHBOURS = np.ones((3, 3), bool)
 """A filter removes an outlier with its neighbours."""
 LEAST_COVER = 0.1
 """Least share of a window over which a mean is taken."""
+FILLS_UP = 4.0
+"""Light over the session's median from which a loss of at most `by_design_share` is by design: pixels of sound cameras of one exposure fill up at 4.9
+to 13 times the median (12 sessions of two authors), and from 1 to 0.5 m light grows by four."""
 
 
 def expected(view: ViewEvidence, limits: MissingLimits) -> Mask:
@@ -146,7 +149,7 @@ def dropout(
 
     A lost pixel has no reliable amplitude; that of the CAD is used, in the unit of the camera's amplitude image. The loss is expected
     where `stated` includes it, or where light is so weak by the photon law of the session, which `law` gives, that any camera drops it,
-    and far weaker than usual in the session, or of few pixels.
+    and far weaker than usual in the session, or of few pixels; or so strong that few pixels have it, which fill up.
     """
     gone = losses.gone
     part = np.concatenate([v.rendering.part[i] for v, i in zip(views, losses.inside, strict=True)])
@@ -183,6 +186,8 @@ def dropout(
     rare = half == 0.0 and random < limits.lost_share and not few_darkest
     known = loss.goes_with in (GoesWith.LIGHT, GoesWith.NOTHING) and stated.includes(effect)
     found = Finding(effect, LOSS_CONFIDENT, share=share, note=note, size=loss.size, remedy=loss.remedy, parts=loss.parts, rare=rare)
+    if loss.goes_with is GoesWith.STRONG_LIGHT and loss.of_median >= FILLS_UP and loss.share <= limits.by_design_share:
+        return replace(found, expected=True, by_design="pixels fill up where surfaces are near and bright")
     if loss.goes_with is not GoesWith.LIGHT:
         return replace(found, expected=known)
     # Without an amplitude image, the CAD's light is what is known.

@@ -101,6 +101,24 @@ def test_a_loss_of_the_brightest_pixels_has_no_threshold_in_weak_light() -> None
     assert "those of strong light" in found.size
 
 
+@pytest.mark.parametrize(("share", "times", "by_design"), [(0.03, 6.0, True), (0.03, 2.5, False), (0.08, 6.0, False)])
+def test_few_pixels_of_much_light_fill_up_by_design(share: float, times: float, *, by_design: bool) -> None:
+    """A strip of the image returns `times` the median light, and is lost."""
+    strip = np.zeros(SHAPE, bool)
+    strip[:, 10 : 10 + round(share * SHAPE[1])] = True
+    lost = []
+    for v in dwelled(0.0):
+        light = lambert_amplitude(v.rendering)
+        bright = np.where(strip & (light > 0), times * np.median(light) / np.maximum(light, 1e-9), 1.0)
+        rendering = replace(v.rendering, albedo=v.rendering.albedo * bright)
+        view = replace(v.view, count=np.where(strip, 0, v.view.count))
+        lost.append(replace(v, frame=replace(v.frame, rendering=rendering), view=view, smooth=v.smooth & ~strip))
+    (found,) = missing_effects(lost, MissingLimits())
+    assert "those of strong light" in found.size
+    assert found.expected is by_design
+    assert found.by_design == ("pixels fill up where surfaces are near and bright" if by_design else "")
+
+
 def test_the_fitted_loss_simulated_loses_as_many_pixels_as_the_session_lost() -> None:
     lost, _ = dark_lost()
     (found,) = missing_effects(lost, MissingLimits())
