@@ -17,7 +17,6 @@ GOES_WITH = {
     "y_m": PLACE,
     "z_m": PLACE,
     "temperature_c": "temperature",
-    "hand": "the camera's place on the hand",
     "viewed": "distance and brightness of the view",
     "attitude": "the hand's attitude, as where its mount or the arm gives way",
     "arm": "the arm's pose, whose errors exceed what the robot's prior allows",

@@ -32,6 +32,8 @@ USUAL_MOUNT_MM, USUAL_MOUNT_DEG = 3.0, 0.3
 """Errors of usual hand-eye calibrations, as published: 1 to 3 mm, 0.1 to 0.3 degrees."""
 MOST_PARTS = 3
 """Parts that are named one by one; with more, "many parts" is stated."""
+MOST_WAVES = 3
+"""Waves whose periods are stated one by one."""
 CARRIED = 0.8
 """Share of an effect's squared error that the named parts carry together."""
 WORST = 0.95
@@ -131,7 +133,8 @@ def _words(
     periods = sorted({f"{p:.2f}" for e in effects if not e.free_form and (p := getattr(e, "period_m", None)) is not None})
     if len(effects) > 1 and periods and maps is not None:
         # Waves of nearly one period take each other off: their amplitudes by themselves say nothing.
-        each = f"{size}, {extremes_mm(maps):.1f} mm between the extremes, in waves of {listed(periods)} m of range"
+        waves = f"waves of {listed(periods)}" if len(periods) <= MOST_WAVES else f"{len(periods)} waves of {periods[0]} to {periods[-1]}"
+        each = f"{size}, {extremes_mm(maps):.1f} mm between the extremes, in {waves} m of range"
     return Words(
         name,
         kind.MEANING,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tof_core.shares import in_percent
 from tof_gap.tell.image_place import SPOTS_WORDS
 from tof_gap.tell.report.phrases import listed, quantities, spaced
+from tof_gap.tell.unexplained import HAND
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -25,6 +26,11 @@ FIRST_LOOK = {
     SPOTS_WORDS: "Check the camera's window and lens for drops, dirt and scratches: these keep their place in the image.",
 }
 """What to check first where the cause shows in what the error varies with, or in its place in the image."""
+FOLLOWED = (
+    "Camera poses differ from the robot's along the view, or alike in all views, by more than its prior allows: they follow an error of depth, or the "
+    "camera sits otherwise on the hand than stated."
+)
+"""What arm errors say that are alike in all views or lie along the optical axis (`tell.unexplained.HAND`)."""
 OTHERWISE = {"region": "If there is none", SPOTS_WORDS: "If there are none"}
 """How the next sentence begins, where it is not "If it is in order"."""
 SHOWN_RMS_MM = 0.005
@@ -47,10 +53,12 @@ def unexplained_words(u: Unexplained, simulated: str = "named") -> str:
 def clues(unexplained: Mapping[str, Any]) -> str:
     """What the unexplained gap varies with, where it is, and what it is like, as sentences that each begin with a space."""
     varies, where, place, gross, like = (unexplained.get(key) for key in ("depends_on", "where", "in_image", "gross", "resembles"))
-    at = [f"varies with {listed(quantities(varies))}"] if varies else []
+    by = quantities([quantity for quantity in varies or () if quantity != HAND])
+    at = [f"varies with {listed(by)}"] if by else []
     at += [f"shows most on {listed(where[:3])}"] if where else []
     at += [f"lies at {place}" if place == SPOTS_WORDS else f"lies in {place}"] if place else []
     found = [f"It {'; it '.join(at)}."] if at else []
+    found += [FOLLOWED] if varies and HAND in varies else []
     if gross:
         found.append(
             f"{in_percent(gross, 1)} of the pixels away from edges are off by centimetres: that is no bias, but another surface, a mirror or a wrapped phase."

@@ -75,6 +75,9 @@ def test_several_waves_are_stated_by_what_they_make_together() -> None:
         == "4.0 mm RMS over the 90 % of the pixels that change by 1 mm and more, 3.8 mm over all, 9.8 mm between the extremes, "
         "in waves of 0.37 and 0.38 m of range"
     )
+    more = [Wiggling(sine_m=1e-4, modulation_mhz=mhz) for mhz in (80.0, 60.0, 40.0)]
+    (wiggling, _) = plant_words(diagnosis(waves=(WAVE, other, *more)), SCENE)
+    assert wiggling.size.endswith("in 5 waves of 0.37 to 0.94 m of range")
 
 
 @pytest.mark.parametrize(

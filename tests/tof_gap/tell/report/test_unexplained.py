@@ -125,3 +125,11 @@ def test_poses_may_follow_the_camera_where_they_err_from_view_to_view() -> None:
     line = where_to_look(gap_left("table", by=["arm"]), ["lens scatter"])
     assert line.startswith("Check the arm's encoders, the base and TF")
     assert line.endswith("followed an error of the camera or of the light that differs from view to view (suspected: lens scatter).")
+
+
+@pytest.mark.parametrize(("depends_on", "words"), [(("hand",), "It shows most on door. Camera poses"), (("hand", "range_m"), "It varies with range; it shows most on door. Camera poses")])  # fmt: skip
+def test_poses_that_follow_an_error_are_stated_beside_what_it_varies_with(depends_on: tuple[str, ...], words: str) -> None:
+    gap = Unexplained(0.324, structured=True, depends_on=depends_on, where=("door",))
+    clue = unexplained_words(gap).split("all views). ", 1)[1]
+    assert clue.startswith(f"{words} differ from the robot's along the view, or alike in all views")
+    assert clue.endswith("or the camera sits otherwise on the hand than stated.")
