@@ -116,8 +116,15 @@ def _pattern(joint: Joint, effect: FixedPattern, values: Float, fit_views: Seque
 
 
 def confidence(joint: Joint, judge: Selector, place: int, rng: np.random.Generator) -> float:
-    """Share of resampled sets of views (drawn with replacement) in which the member's held-out chi-square exceeds the threshold."""
+    """Share of resampled sets of views (drawn with replacement) in which the member's held-out chi-square exceeds the threshold.
+
+    1 for a wrong lens without which the lens of every hypothesis would contradict its calibration: that one absorbs it, and hardly any chi-square
+    is won.
+    """
     chosen = joint.selection.chosen
+    name = joint.design.candidates[chosen.members[place]].name
+    if name == Intrinsics.NAME and judge.needed_by_calibration(name, chosen):
+        return 1.0
     rest = [m for i, m in enumerate(chosen.members) if i != place]
     won = judge.score(rest, chosen.inflate).held_out - chosen.held_out
     draws = rng.integers(0, len(won), size=(judge.config.rounds, len(won)))

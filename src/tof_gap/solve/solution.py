@@ -68,11 +68,13 @@ def delayed(chain: Chain, views: Sequence[ViewEvidence], seconds: float) -> Chai
 
 def calibrated_lens(joint: Joint) -> Intrinsics | None:
     """The solution's lens within its stated calibration; None where the calibration is exact."""
-    design = joint.design
-    if not len(design.always):
+    members = joint.selection.chosen.members
+    columns = joint.design.lens(members)
+    if not len(columns):
         return None
-    values = joint.selection.fit.theta[: len(design.always)] / design.scale[design.always]
-    return Intrinsics(*values.tolist())
+    fx, fy, cx, cy = (joint.selection.fit.theta[: len(columns)] / joint.design.scale[columns]).tolist()
+    true = any(joint.design.candidates[m].converts_with_true_lens for m in members)
+    return Intrinsics(fx, fy, cx, cy, z_from="true_lens" if true else "stated_lens")
 
 
 def lens_of(joint: Joint) -> Effect | None:

@@ -20,11 +20,13 @@ WORTH = 120.0
 """Held-out chi-square that the member wins over all views."""
 
 
-def sure(won: np.ndarray) -> float:
-    """Confidence of a member that wins so much in each view."""
+def sure(won: np.ndarray, name: str = "wiggling") -> float:
+    """Confidence of a member that wins so much in each view; the lens contradicts its calibration without a wrong lens."""
     chosen = SimpleNamespace(members=(7,), inflate=1.0, held_out=np.zeros(len(won)))
     judge = SimpleNamespace(score=lambda *_: SimpleNamespace(held_out=won), gain=lambda _: 30.0, config=SelectLimits(rounds=4000))
-    joint = SimpleNamespace(selection=SimpleNamespace(chosen=chosen))
+    judge.needed_by_calibration = lambda called, _: called == "intrinsics"
+    design = SimpleNamespace(candidates={7: SimpleNamespace(name=name)})
+    joint = SimpleNamespace(selection=SimpleNamespace(chosen=chosen), design=design)
     return confidence(cast("Any", joint), cast("Any", judge), 0, np.random.default_rng(0))
 
 
@@ -38,6 +40,10 @@ def test_what_one_view_shows_is_as_sure_as_that_view_is_drawn() -> None:
 
 def test_what_does_not_reach_the_gain_is_not_sure() -> None:
     assert sure(np.full(12, 2.0)) == 0.0
+
+
+def test_a_lens_that_contradicts_its_calibration_is_sure_though_freeing_it_wins_little() -> None:
+    assert sure(np.full(12, 1.0), "intrinsics") == 1.0
 
 
 def test_instances_of_one_name_add_up_in_metres_of_depth() -> None:

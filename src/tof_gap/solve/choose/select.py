@@ -10,12 +10,12 @@ import numpy as np
 
 from tof_gap.solve.choose.between import shown, with_suspect
 from tof_gap.solve.choose.judge import Hypothesis, Selector
+from tof_gap.solve.choose.lens import in_form_of_lens, with_lens
 from tof_gap.solve.choose.small import without_small
 from tof_gap.solve.choose.ties import stand_ins
 from tof_gap.solve.choose.worth import coefficients, rescored, visible_m, worth
 from tof_gap.solve.hypotheses.candidate import HAND_EYE
 from tof_sensor.curve import CurveEffect
-from tof_sensor.effects.intrinsics import Intrinsics
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -56,7 +56,8 @@ def select(design: Design, config: SelectLimits, begun: Sequence[int] = ()) -> S
     ends = [_plain(judge, full) for full in grown]
     place = min(range(len(ends)), key=lambda i: judge.score(ends[i].members, ends[0].inflate).score)
     current, small = without_small(judge, ends[place])
-    current, suspected = with_suspect(judge, with_lens(judge, _prune(judge, with_mount(judge, _prune(judge, current)))))
+    calibrated = with_lens(judge, _prune(judge, with_mount(judge, _prune(judge, current))))
+    current, suspected = with_suspect(judge, in_form_of_lens(judge, calibrated))
     fullest = () if small or set(grown[place].members) <= set(current.members) else tuple(grown[place].members)
     return replace(_described(judge, current, small), suspected=suspected, fullest=fullest)
 
@@ -149,19 +150,6 @@ def with_mount(judge: Selector, current: Hypothesis) -> Hypothesis:
     if mounts and judge.contradicts_mount(current):
         return rescored(judge, [*current.members, *mounts])
     return _best_addition(judge, current, mounts) or current
-
-
-def with_lens(judge: Selector, current: Hypothesis) -> Hypothesis:
-    """The hypothesis with a wrong lens where the lens that every hypothesis contains contradicts its calibration.
-
-    That lens absorbs a wrong one, against a prior that weighs little beside thousands of pixels: freeing it hardly explains more.
-    """
-    candidates = judge.design.candidates
-    if not judge.needed_by_calibration(Intrinsics.NAME, current):
-        return current
-    forms = [i for i, c in enumerate(candidates) if c.name == Intrinsics.NAME and not judge.repeats(i, current.members)]
-    trials = [judge.score([*current.members, i], current.inflate) for i in forms]
-    return rescored(judge, min(trials, key=lambda trial: trial.score).members) if trials else current
 
 
 def _has_no_formula(judge: Selector, member: int) -> bool:

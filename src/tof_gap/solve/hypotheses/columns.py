@@ -39,7 +39,8 @@ class Design:
     """All hypotheses of a session in one linear system.
 
     groups[i]: columns of candidate i, scaled to unit RMS over the session, so that a coefficient in its own unit is
-    theta / scale[column]; always: columns that every hypothesis contains, those of the lens within its stated calibration.
+    theta / scale[column]; always: columns that every hypothesis contains, those of the lens within its stated calibration; by_true_lens: the same of a
+    camera that converts with its true lens, which hypotheses with such a lens contain instead. Both parts of a lens have one form then.
     """
 
     candidates: tuple[Candidate, ...]
@@ -47,10 +48,17 @@ class Design:
     scale: Float
     system: ColumnSystem
     always: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+    by_true_lens: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    def lens(self, members: Iterable[int]) -> Ints:
+        """The columns that a hypothesis of these members contains beside theirs: `always`, or `by_true_lens`."""
+        converts = any(self.candidates[m].converts_with_true_lens for m in members)
+        return self.by_true_lens if converts and len(self.always) else self.always
 
     def active(self, members: Iterable[int]) -> Ints:
-        """Columns of a hypothesis: `always`, then those of its members."""
-        return np.concatenate([self.always, *(self.groups[m] for m in members)]).astype(np.int64)
+        """Columns of a hypothesis: those of `lens`, then those of its members."""
+        own = tuple(members)
+        return np.concatenate([self.lens(own), *(self.groups[m] for m in own)]).astype(np.int64)
 
     def own(self, members: Iterable[int]) -> Ints:
         """Columns of these candidates alone."""
@@ -124,8 +132,8 @@ def stored(views: Sequence[ViewEvidence], chain: Chain, folds: int) -> ColumnSto
     return ColumnStore(views, deal(chain.station.tolist(), folds))
 
 
-LENS = Candidate(Intrinsics.NAME, Intrinsics())
-"""The lens within its calibration: the first columns of `intrinsics`, focal lengths and principal point."""
+LENSES = tuple(Candidate(Intrinsics.NAME, Intrinsics(z_from=lens)) for lens in ("stated_lens", "true_lens"))
+"""The lens within its calibration, of both forms: the first columns of `intrinsics`, focal lengths and principal point."""
 
 
 EXACT = np.zeros(LENS_COLUMNS)
@@ -141,8 +149,8 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
     calibrated = bool(lens_sd.any())
     by_candidate, squares = store.of(tested), store.squares(tested)
     if calibrated:
-        by_candidate.append([c[:, :LENS_COLUMNS] for c in store.of([LENS])[0]])
-        squares.append(store.squares([LENS])[0][:LENS_COLUMNS])
+        by_candidate += [[c[:, :LENS_COLUMNS] for c in columns] for columns in store.of(LENSES)]
+        squares += [square[:LENS_COLUMNS] for square in store.squares(LENSES)]
     ends = np.cumsum([0, *(columns[0].shape[1] for columns in by_candidate)])
     groups = tuple(np.arange(a, b) for a, b in itertools.pairwise(ends))
     every = range(len(store.views))
@@ -153,7 +161,7 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
     in_motion = moving(store.views)
     sd = _column_sd(tested, groups[: len(tested)], safe)
     if calibrated:
-        sd = np.concatenate([sd, lens_sd * safe[groups[-1]]])
+        sd = np.concatenate([sd, *(lens_sd * safe[group] for group in groups[-2:])])
     base_sd = np.minimum(chain.priors.base, PINNED_SD) if in_motion else chain.priors.base
     system = ColumnSystem.of(
         in_blocks(lambda v: _gram(store.views[v], [columns[v] for columns in by_candidate], safe), every),
@@ -165,8 +173,8 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
         weight=np.array([float((v.fit_sigma.ravel()[v.pixels] ** -2).sum()) for v in store.views]),
         drawn=np.array([float(len(v.pixels)) for v in store.views]),
     )
-    always = groups[-1] if calibrated else np.zeros(0, np.int64)
-    return Design(tuple(tested), groups[: len(tested)], safe, system, always)
+    nothing = np.zeros(0, np.int64)
+    return Design(tuple(tested), groups[: len(tested)], safe, system, *(groups[-2:] if calibrated else (nothing, nothing)))
 
 
 def _squares(by_view: Sequence[Image]) -> Float:

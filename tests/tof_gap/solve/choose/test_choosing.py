@@ -22,7 +22,6 @@ from tof_gap.solve.choose.select import (
     _prune,
     _rough,
     weak,
-    with_lens,
     with_mount,
     won_steadily,
 )
@@ -296,14 +295,6 @@ def test_effects_are_added_until_none_wins_or_five_are_named(monkeypatch: pytest
     same: Any = Judge(scores, ["x", "y", "x", "y", "x", "y", "x"], most=2)
     monkeypatch.setattr(same, "repeats", lambda member, members: member in members)
     assert len(_grown(same, ()).members) in {2, 3, 4, 5, 6, 7}
-
-
-@pytest.mark.parametrize(("lens", "chosen"), [("bc", "ab"), ("", "a")])
-def test_a_lens_that_contradicts_its_calibration_is_wrong_though_freeing_it_explains_little(lens: str, chosen: str) -> None:
-    """Two forms of a wrong lens: the one beside which less is left."""
-    judge: Any = Judge({"a": 500.0, "ab": 498.0, "ac": 499.0}, ["wave", "intrinsics", "intrinsics"], lens=lens)
-    assert named(judge, with_lens(judge, hypothesis(judge, "a"))) == chosen
-    assert named(judge, with_lens(judge, hypothesis(judge, "ab"))) == "ab", "it is there already"
 
 
 @pytest.mark.parametrize(("lens", "kept"), [("b", "ab"), ("", "a")])

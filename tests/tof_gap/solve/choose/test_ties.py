@@ -165,6 +165,16 @@ def test_what_leaves_hand_eye_beyond_its_calibration_does_not_stand_in_for_it(
     assert stand_ins(judge, hypothesis(judge, "a"), 0) == tied
 
 
+@pytest.mark.parametrize(("needed", "tied"), [(("b",), (2,)), ((), (1, 2))])
+def test_what_leaves_the_lens_beyond_its_calibration_does_not_stand_in_for_a_wrong_lens(
+    monkeypatch: pytest.MonkeyPatch, needed: tuple[str, ...], tied: tuple[int, ...]
+) -> None:
+    monkeypatch.setattr(ties_room, "_hides", lambda *_: True)
+    judge: Any = Judge({"a": 500.0, "b": 500.0, "c": 500.0}, ["intrinsics", "b", "c"])
+    monkeypatch.setattr(judge, "needed_by_calibration", lambda name, trial: name == "intrinsics" and judge.text(trial.members) in needed)
+    assert stand_ins(judge, hypothesis(judge, "a"), 0) == tied
+
+
 @pytest.mark.parametrize(("beside", "hides"), [(13.9, True), (14.1, False)])
 def test_hand_eye_is_hidden_where_it_wins_too_little_beside_another(beside: float, *, hides: bool) -> None:
     judge: Any = Judge({"bc": 500.0, "abc": 500.0 - beside, "ac": 1.0}, hand="a")
