@@ -125,7 +125,9 @@ def test_confidence_is_the_share_of_resampled_views_in_which_an_effect_wins(won:
         return SimpleNamespace(held_out=100.0 + np.array(won))
 
     judge: Any = SimpleNamespace(score=score, gain=lambda member: {5: 1e9, 7: 30.0}[member], config=SimpleNamespace(rounds=4000))
-    found = confidence(SimpleNamespace(selection=SimpleNamespace(chosen=chosen)), judge, 1, np.random.default_rng(2))  # type: ignore[arg-type]
+    design = SimpleNamespace(candidates={7: SimpleNamespace(name="wiggling")})
+    joint: Any = SimpleNamespace(selection=SimpleNamespace(chosen=chosen), design=design)
+    found = confidence(joint, judge, 1, np.random.default_rng(2))
     assert found == pytest.approx(sure, abs=0.03)
     assert asked == [([5], 2.0)]
 
