@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core import se3
-from tof_sensor.effects.intrinsics import Intrinsics
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
     from tof_gap.solve.hypotheses.columns import Design
     from tof_gap.solved import Bound
     from tof_sensor.effect import Effect
+    from tof_sensor.effects.intrinsics import Intrinsics
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,8 +73,7 @@ def calibrated_lens(joint: Joint) -> Intrinsics | None:
     if not len(columns):
         return None
     fx, fy, cx, cy = (joint.selection.fit.theta[: len(columns)] / joint.design.scale[columns]).tolist()
-    true = any(joint.design.candidates[m].converts_with_true_lens for m in members)
-    return Intrinsics(fx, fy, cx, cy, z_from="true_lens" if true else "stated_lens")
+    return replace(joint.design.form(members), fx_rel=fx, fy_rel=fy, cx_px=cx, cy_px=cy)
 
 
 def lens_of(joint: Joint) -> Effect | None:

@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from tof_sensor.session import Session
 
 
+CONVERSIONS = STATED_LENS, TRUE_LENS = "stated_lens", "true_lens"
+"""Lenses with which a camera may convert distance to z."""
+
+
 @dataclass(frozen=True, slots=True)
 class Intrinsics(Effect):
     """True minus stated intrinsics: pixels have other rays (docs/effects.md).
@@ -50,7 +54,7 @@ class Intrinsics(Effect):
     p1: float = param(0.0, "tangential distortion", low=-0.05, high=0.05)
     p2: float = param(0.0, "tangential distortion", low=-0.05, high=0.05)
 
-    z_from: str = param("stated_lens", "lens with which distance was converted to z", choices=("stated_lens", "true_lens"))
+    z_from: str = param(STATED_LENS, "lens with which distance was converted to z", choices=CONVERSIONS)
 
     @property
     def stated(self) -> str:
@@ -60,7 +64,7 @@ class Intrinsics(Effect):
 
     def published(self, stated: Camera) -> Float:
         """(H, W) ratio of published to true z."""
-        if self.z_from == "true_lens":
+        if self.z_from == TRUE_LENS:
             return np.ones((stated.height, stated.width))
         true, assumed = (np.linalg.norm(camera.rays(), axis=-1) for camera in (self.camera(stated), stated))
         return np.asarray(true / assumed)
@@ -80,7 +84,7 @@ class Intrinsics(Effect):
     def _answer(self, frame: Frame, shift: Float) -> Float:
         """(H, W, k) change of z in metres by `shift` (H, W, 2, k) of the rays."""
         turned = ray_columns(frame, shift)
-        if self.z_from == "true_lens":
+        if self.z_from == TRUE_LENS:
             return turned
         longer = np.einsum("...i,...ik->...k", frame.rays[..., :2], shift) / frame.length[..., None] ** 2
         return np.asarray(turned + np.nan_to_num(frame.depth)[..., None] * np.nan_to_num(longer))
@@ -97,7 +101,7 @@ class Intrinsics(Effect):
     def hypotheses(cls, session: Session) -> Iterator[Form]:
         """Two forms: conversion to z with the stated and with the true lens."""
         del session
-        for lens in ("stated_lens", "true_lens"):
+        for lens in CONVERSIONS:
             yield Form(cls(z_from=lens), f"z from the {lens.replace('_', ' ')}")
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_gap.solve.choose.between import shown, with_suspect
 from tof_gap.solve.choose.judge import Hypothesis, Selector
-from tof_gap.solve.choose.lens import in_form_of_lens, with_lens
+from tof_gap.solve.choose.lens import with_lens
 from tof_gap.solve.choose.small import without_small
 from tof_gap.solve.choose.ties import stand_ins
 from tof_gap.solve.choose.worth import coefficients, rescored, visible_m, worth
@@ -56,8 +56,7 @@ def select(design: Design, config: SelectLimits, begun: Sequence[int] = ()) -> S
     ends = [_plain(judge, full) for full in grown]
     place = min(range(len(ends)), key=lambda i: judge.score(ends[i].members, ends[0].inflate).score)
     current, small = without_small(judge, ends[place])
-    calibrated = with_lens(judge, _prune(judge, with_mount(judge, _prune(judge, current))))
-    current, suspected = with_suspect(judge, in_form_of_lens(judge, calibrated))
+    current, suspected = with_suspect(judge, with_lens(judge, _prune(judge, with_mount(judge, _prune(judge, current)))))
     fullest = () if small or set(grown[place].members) <= set(current.members) else tuple(grown[place].members)
     return replace(_described(judge, current, small), suspected=suspected, fullest=fullest)
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from tof_gap.solve.choose.worth import coefficients
-from tof_sensor.effects.intrinsics import Intrinsics
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,10 +38,8 @@ def stand_ins(judge: Selector, current: Hypothesis, place: int) -> tuple[int, ..
         trial = standing_in(i)
         if trial.score - current.score > config.tie_gain or not judge.plausible(trial):
             continue
-        if judge.frees_hand([member]) and judge.contradicts_mount(trial):
-            continue  # Hand-eye would still be farther off than calibration.yaml states.
-        if d.candidates[member].name == Intrinsics.NAME and judge.needed_by_calibration(Intrinsics.NAME, trial):
-            continue  # So would the lens.
+        if judge.needed_by_calibration(d.candidates[member].name, trial):
+            continue  # Hand-eye or lens would still be farther off than calibration.yaml states.
         if not _hides(judge, current, place, member, i, rest):
             continue
         if candidate.name not in found or trial.score < found[candidate.name][0]:

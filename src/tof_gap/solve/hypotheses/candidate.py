@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tof_sensor.effects.hand_eye import HandEye
-from tof_sensor.effects.intrinsics import Intrinsics
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,11 +35,6 @@ class Candidate:
     def source(self) -> Effect | Nameless | None:
         """What its columns are computed from."""
         return self.free if self.effect is None else self.effect
-
-    @property
-    def converts_with_true_lens(self) -> bool:
-        """Whether it is a wrong lens of a camera that converts distance to z with its true one."""
-        return isinstance(self.effect, Intrinsics) and self.effect.z_from == "true_lens"
 
     def excludes(self, other: Candidate) -> bool:
         """Whether no hypothesis may contain both: two forms of an effect that a session, or a part, has only once, or a stated rival."""

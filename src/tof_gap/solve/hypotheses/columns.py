@@ -17,7 +17,7 @@ from tof_gap.seen.evidence.motion import moving
 from tof_gap.seen.evidence.pattern import line_means_of_others, pattern_columns
 from tof_gap.solve.hypotheses.candidate import Candidate
 from tof_sensor.effects.fixed_pattern import FixedPattern
-from tof_sensor.effects.intrinsics import Intrinsics
+from tof_sensor.effects.intrinsics import CONVERSIONS, STATED_LENS, Intrinsics
 from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
@@ -50,10 +50,14 @@ class Design:
     always: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     by_true_lens: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
 
+    def form(self, members: Iterable[int]) -> Intrinsics:
+        """The form of the calibrated lens in a hypothesis of these members: that of its wrong lens, if it has one."""
+        lenses = (self.candidates[m].effect for m in members)
+        return Intrinsics(z_from=next((lens.z_from for lens in lenses if isinstance(lens, Intrinsics)), STATED_LENS))
+
     def lens(self, members: Iterable[int]) -> Ints:
-        """The columns that a hypothesis of these members contains beside theirs: `always`, or `by_true_lens`."""
-        converts = any(self.candidates[m].converts_with_true_lens for m in members)
-        return self.by_true_lens if converts and len(self.always) else self.always
+        """The columns of the calibrated lens in a hypothesis of these members: `always`, or `by_true_lens`."""
+        return self.always if self.form(members).z_from == STATED_LENS else self.by_true_lens
 
     def active(self, members: Iterable[int]) -> Ints:
         """Columns of a hypothesis: those of `lens`, then those of its members."""
@@ -132,7 +136,7 @@ def stored(views: Sequence[ViewEvidence], chain: Chain, folds: int) -> ColumnSto
     return ColumnStore(views, deal(chain.station.tolist(), folds))
 
 
-LENSES = tuple(Candidate(Intrinsics.NAME, Intrinsics(z_from=lens)) for lens in ("stated_lens", "true_lens"))
+LENSES = tuple(Candidate(Intrinsics.NAME, Intrinsics(z_from=lens)) for lens in CONVERSIONS)
 """The lens within its calibration, of both forms: the first columns of `intrinsics`, focal lengths and principal point."""
 
 
@@ -173,8 +177,7 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
         weight=np.array([float((v.fit_sigma.ravel()[v.pixels] ** -2).sum()) for v in store.views]),
         drawn=np.array([float(len(v.pixels)) for v in store.views]),
     )
-    nothing = np.zeros(0, np.int64)
-    return Design(tuple(tested), groups[: len(tested)], safe, system, *(groups[-2:] if calibrated else (nothing, nothing)))
+    return Design(tuple(tested), groups[: len(tested)], safe, system, *groups[len(tested) :])
 
 
 def _squares(by_view: Sequence[Image]) -> Float:

@@ -101,7 +101,7 @@ class Figures:
         few = [of for name, of in ((FlyingPixels.NAME, self.edge), (PhaseWrap.NAME, self.gross)) if name in self.maps]
         if not few:
             return None
-        away = [np.where(np.any([of[v] for of in few], axis=0), np.nan, b) for v, b in zip(self.held, before, strict=True)]
+        away = away_from_edges([np.any([of[v] for of in few], axis=0) for v in self.held], before)
         return blocks(away, after, floors, self.limits.block_px).above_mm
 
     @cached_property

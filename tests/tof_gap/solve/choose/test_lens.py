@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from tests.tof_gap.scored import Judge, hypothesis, named
-from tof_gap.solve.choose.lens import in_form_of_lens, with_lens
+from tof_gap.solve.choose.lens import with_lens
 
 NAMES = ["wave", "intrinsics", "intrinsics"]
 
@@ -24,5 +24,5 @@ def test_a_lens_that_contradicts_its_calibration_is_wrong_though_freeing_it_expl
 @pytest.mark.parametrize(("scores", "chosen"), [((400.0, 300.0), "ac"), ((300.0, 400.0), "ab")])
 def test_a_wrong_lens_has_the_form_that_leaves_less(scores: tuple[float, float], chosen: str) -> None:
     judge: Any = Judge({"a": 500.0, "ab": scores[0], "ac": scores[1]}, NAMES)
-    assert named(judge, in_form_of_lens(judge, hypothesis(judge, "ab"))) == chosen
-    assert named(judge, in_form_of_lens(judge, hypothesis(judge, "a"))) == "a", "there is no wrong lens"
+    assert named(judge, with_lens(judge, hypothesis(judge, "ab"))) == chosen
+    assert named(judge, with_lens(judge, hypothesis(judge, "a"))) == "a", "there is no wrong lens"
