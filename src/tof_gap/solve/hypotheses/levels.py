@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numba import njit
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float
@@ -28,15 +29,24 @@ class Levels(NamedTuple):
 
 def levels(means: Float, weight: Float) -> Levels | None:
     """Two levels of the means (n,): those of the split with the largest weighted variance between them (Otsu 1979); None without one."""
-    if not len(means):
-        return None
-    order = np.argsort(means, kind="stable")
-    below, sums = np.cumsum(weight[order]), np.cumsum(weight[order] * means[order])
-    total, whole = below[-1], sums[-1]
-    share = 1.0 - below[:-1] / total
-    allowed = (share > SHARES[0]) & (share < SHARES[1])
-    if not allowed.any():
-        return None
-    between = (sums[:-1] * total - whole * below[:-1]) ** 2 / (below[:-1] * (total - below[:-1]))
-    at = int(np.argmax(np.where(allowed, between, -1.0)))
-    return Levels(float(sums[at] / below[at]), float((whole - sums[at]) / (total - below[at])))
+    low, high = two_levels(means, weight)
+    return None if np.isnan(low) else Levels(low, high)
+
+
+@njit(cache=True, nogil=True)
+def two_levels(means: Float, weight: Float) -> tuple[float, float]:
+    """`levels` as (low, high); NaN without them."""
+    order = np.argsort(means, kind="mergesort")  # The stable one, by the name that Numba knows.
+    total = whole = 0.0
+    for k in order:
+        total += weight[k]
+        whole += weight[k] * means[k]
+    below, sums, most, low, high = 0.0, 0.0, -1.0, np.nan, np.nan
+    for k in order[:-1]:
+        below += weight[k]
+        sums += weight[k] * means[k]
+        if SHARES[0] < 1.0 - below / total < SHARES[1]:
+            between = (sums * total - whole * below) ** 2 / (below * (total - below))
+            if between > most:
+                most, low, high = between, sums / below, (whole - sums) / (total - below)
+    return low, high

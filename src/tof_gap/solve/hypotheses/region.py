@@ -16,7 +16,8 @@ from tof_gap.solve.hypotheses.candidate import Candidate
 from tof_gap.solve.hypotheses.cubes import SHARED, Cells, at_higher_level, touching
 from tof_gap.solve.hypotheses.free import UNKNOWN
 from tof_gap.solve.hypotheses.nameless import Nameless
-from tof_gap.solve.hypotheses.sheet import Rays, sheets
+from tof_gap.solve.hypotheses.sheet import sheets
+from tof_gap.solve.hypotheses.sheet_score import Rays
 from tof_sensor.geometry import cell_points, pose_columns
 
 if TYPE_CHECKING:

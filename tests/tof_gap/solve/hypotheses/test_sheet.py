@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tof_gap.solve.hypotheses.sheet import Rays, Sheet, sheets
+from tof_gap.solve.hypotheses.sheet import Sheet, sheets
+from tof_gap.solve.hypotheses.sheet_score import Rays
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Mask
