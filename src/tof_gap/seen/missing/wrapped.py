@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.ndimage import binary_dilation
@@ -23,6 +23,9 @@ MOST_TURNS = 3
 """Largest error in whole periods: usual cameras merge frequencies over at most as many."""
 NEARLY = 0.95
 """Share of the jumps that the best size makes, from which a smaller one is taken: chance meets and outliers are a few per cent."""
+APART = 0.05
+"""Standard error of a mean of captures over its jump, from which captures differ by as much as the mean jumps, so that only some of them jump: 0.2 to
+0.5 of means of two and three captures; noise is 0.01 of a jump."""
 LEAST_WRAP_M = LIGHT_M_PER_S / (2e6 * most(PhaseWrap, "modulation_mhz"))
 """Metres: unambiguous range at the highest modulation frequency that the effect allows; no shorter jump is a wrapped phase."""
 
@@ -32,7 +35,7 @@ def phase_wrap(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding 
     # Edges that blur or move make jumps too: wrapped phase is looked for away from them.
     inner = [~binary_dilation(v.edge, iterations=limits.edge_reach_px) for v in views]
     of_views = [_jumps(v, i, limits) for v, i in zip(views, inner, strict=True)]
-    jump = np.concatenate(of_views)
+    jump, apart = (np.concatenate(a) for a in zip(*((j.metres, j.apart) for j in of_views), strict=True))
     total = sum(int((np.isfinite(v.residual) & i).sum()) for v, i in zip(views, inner, strict=True))
     if len(jump) < limits.turn_share * max(total, 1):
         return None
@@ -45,25 +48,37 @@ def phase_wrap(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding 
     short = bool(np.median(jump[near]) < 0)
     others, others_share = _other_jumps(np.abs(jump), size, limits, limits.turn_share * total)
     captures, spread = max(v.view.captures for v in views), limits.turn_spread_mm * 1e-3
-    turn = _turn(size, [(v.view.captures, np.abs(j)) for v, j in zip(views, of_views, strict=True)], spread)
+    turn = _turn(size, of_views, spread)
     jumps = np.sort(np.concatenate([_whole(turn), [size] if turn > size else [], others]))
     maps = [_wraps(v, jumps, limits) for v in views]
     start, share = _where_wrapped(views, maps, limits, short=short)
-    own = [i for i, other in enumerate(others) if not _of_a_mean(other, turn, captures, spread)]
+    own = _of_captures(others, turn, jump, apart, captures, spread)
     effect = PhaseWrap(
         modulation_mhz=LIGHT_M_PER_S / (2e6 * turn),
         start_m=start if short else -start,
         share=share,
         others_m=tuple(others[i] for i in own),
-        others_share=tuple(others_share[i] for i in own),
+        others_share=tuple(_with_parts(i, others, others_share, captures, spread) for i in own),
     )
     return Finding(effect, CONFIDENT, share=np.stack(maps), corrects=True)
 
 
-def _jumps(view: ViewEvidence, inner: Mask, limits: MissingLimits) -> Float:
-    """(n,) metres along the ray: large errors of the pixels `inner` (H, W)."""
-    jump = (view.residual * view.frame.length)[view.gross & inner]
-    return np.asarray(jump[np.abs(jump) > limits.turn_least_mm * 1e-3])
+class _Jumps(NamedTuple):
+    """Large errors of a view of so many captures: metres along the ray (n,), and whether the captures of a pixel lie apart (n,) (`APART`)."""
+
+    captures: int
+    metres: Float
+    apart: Mask
+
+
+def _jumps(view: ViewEvidence, inner: Mask, limits: MissingLimits) -> _Jumps:
+    """The large errors of the pixels `inner` (H, W)."""
+    at = view.gross & inner
+    at[at] = np.abs((view.residual * view.frame.length)[at]) > limits.turn_least_mm * 1e-3
+    apart = np.zeros(at.sum(), bool)
+    if view.view.captures > 1:
+        apart = (view.view.count[at] > 1) & (view.view.sigma[at] > APART * np.abs(view.residual[at]))
+    return _Jumps(view.view.captures, (view.residual * view.frame.length)[at], apart)
 
 
 def _common_size(sizes: Float, spread: float) -> float:
@@ -92,21 +107,45 @@ def _other_jumps(sizes: Float, size: float, limits: MissingLimits, least: float)
     return tuple(jump for jump, _ in found), tuple(share for _, share in found)
 
 
-def _turn(size: float, jumps: Sequence[tuple[int, Float]], spread: float) -> float:
+def _of_captures(others: Sequence[float], turn: float, jump: Float, apart: Mask, captures: int, spread: float) -> list[int]:
+    """Which of the other sizes are jumps of captures: no part of `turn`, and of the jumps (n,) of most such pixels the captures are not `apart`."""
+
+    def of_one(other: float) -> bool:
+        return not (
+            abs(other - turn) < spread
+            or _of_a_mean(other, turn, captures, spread)
+            or apart[np.abs(np.abs(jump) - other) < spread].mean() > 0.5
+        )
+
+    return [i for i, other in enumerate(others) if of_one(other)]
+
+
+def _with_parts(i: int, sizes: Sequence[float], shares: Sequence[float], captures: int, spread: float) -> float:
+    """Share of the jumps that are of size number `i`, or a part of it in a mean of captures."""
+    return sum(
+        share for k, (size, share) in enumerate(zip(sizes, shares, strict=True)) if k == i or _of_a_mean(size, sizes[i], captures, spread)
+    )
+
+
+def _turn(size: float, jumps: Sequence[_Jumps], spread: float) -> float:
     """The jump of a capture, in metres, of which means of dwells show parts: the least multiple of `size` that makes nearly as many jumps as any.
 
-    It makes jumps of whole multiples of itself, and of its parts where some of a dwell's captures jump and others may be lost.
-
-    jumps: captures of each view and the sizes of its jumps (n,), metres. spread: metres by which jumps of one size differ.
+    It makes jumps of whole multiples of itself where the captures agree, and of its parts where some of a dwell's captures jump and others may
+    be lost. spread: metres by which jumps of one size differ.
     """
 
     def made(turn: float) -> int:
-        parts = ([*_whole(turn), *(turn * _parts(n))] for n, _ in jumps)
-        return sum(int((np.abs(j[:, None] - np.array(p)) < spread).any(axis=1).sum()) for p, (_, j) in zip(parts, jumps, strict=True))
+        whole = (_at(j, _whole(turn), spread) & ~j.apart for j in jumps)
+        return sum(int((w | _at(j, turn * _parts(j.captures), spread)).sum()) for w, j in zip(whole, jumps, strict=True))
 
-    turns = size * np.arange(1, max(n for n, _ in jumps) + 1)
+    turns = size * np.arange(1, max(j.captures for j in jumps) + 1)
     count = [made(float(t)) for t in turns]
     return float(next(t for t, c in zip(turns, count, strict=True) if c >= NEARLY * max(count)))
+
+
+def _at(jumps: _Jumps, sizes: Float, spread: float) -> Mask:
+    """(n,) which jumps are of one of the sizes, in metres."""
+    return np.asarray((np.abs(np.abs(jumps.metres)[:, None] - sizes) < spread).any(axis=1))
 
 
 def _of_a_mean(jump: float, size: float, captures: int, spread: float) -> bool:

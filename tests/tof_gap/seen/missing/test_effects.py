@@ -254,6 +254,24 @@ def test_half_of_a_jump_is_that_of_a_mean_of_captures(captures: int, stated: tup
     assert np.nanmedian((found.share * lengths)[half]) == pytest.approx(0.39, abs=2e-3)
 
 
+def test_a_jump_by_which_two_captures_differ_is_half_of_one() -> None:
+    """Of two captures one jumps by 3.3 or 4.9 m, seldom both: where only one does, the standard error of the mean is a half of its jump."""
+    whole = np.array([0.0, 3.3, 4.9])
+    rng = np.random.default_rng(7)
+    jump = whole[rng.choice(3, p=[0.9, 0.03, 0.07], size=(VIEWS, *SHAPE))]
+    both = rng.random((VIEWS, *SHAPE)) < 0.2
+    seen = views(np.random.default_rng(5), np.where(both, jump, jump / 2))
+    of_two = [
+        replace(v, view=replace(v.view, captures=2, count=np.full(SHAPE, 2), sigma=np.where(b, 2e-3, 0.2 * j)))
+        for v, j, b in zip(seen, jump, both, strict=True)
+    ]
+    (found,) = missing_effects(of_two, MissingLimits())
+    assert isinstance(found.effect, PhaseWrap)
+    assert found.effect.turn_m == pytest.approx(4.9, abs=5e-3)
+    assert found.effect.others_m == pytest.approx((3.3,), abs=5e-3)
+    assert found.effect.others_share == pytest.approx((0.3,), abs=0.02)
+
+
 def test_a_wrong_choice_among_three_frequencies_lands_at_several_jumps() -> None:
     """16, 80 and 120 MHz: 0.625, 0.75 and 0.9375 m; 1.5 m is two whole turns of none, and too rare to be stated."""
     rng = np.random.default_rng(7)
