@@ -147,9 +147,12 @@ def unconfirmed(joint: Joint, found: Account) -> TakenOut | None:
 
 
 def verdict(found: Account, unexplained: Unexplained, limits: ReportLimits) -> tuple[str, ...]:
-    """Names of effects, and `unknown` where structure is left; `none` without any. If much is unexplained, causes are not named."""
+    """Names of effects, that which changes depth most first; `unknown` last, where structure is left; `none` without any.
+
+    If much is unexplained, causes are not named.
+    """
     names = found.names(causes=not doubted(unexplained, limits))
-    return tuple(sorted({*names, *(("unknown",) if unexplained.structured else ())})) or ("none",)
+    return (*names, *(("unknown",) if unexplained.structured else ())) or ("none",)
 
 
 def too_few(views: int) -> dict[str, str]:

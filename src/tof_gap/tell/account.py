@@ -72,7 +72,7 @@ class Cause:
 class Account:
     """Everything that is read off one solution.
 
-    causes: of the solution, each with its figures on held-out views; findings: effects that noise, loss or edges show; figures: the
+    causes: of the solution, that which changes depth most first, each with its figures on held-out views; findings: effects that noise, loss or edges show; figures: the
     arrays that every figure is computed from; gap: before and after all asserted effects; pushed: whether arm errors along the optical
     axis exceed the robot's prior and no named effect explains them; follows: whether they follow distance and amplitude of the views, as
     a depth error does that poses absorb; sags: whether turns of the camera follow the hand's attitude; astray: whether arm errors exceed
@@ -89,12 +89,11 @@ class Account:
     sags: bool = False
     astray: bool = False
 
-    def names(self, *, causes: bool) -> set[str]:
-        """Names for the verdict: causes and findings; without `causes`, only the findings that were not read off structure."""
-        return {
-            *(c.named.verdict for c in self.causes if causes and not c.named.suspected),
-            *(f.name for f in not_expected(self.findings) if causes or not f.structure),
-        }
+    def names(self, *, causes: bool) -> tuple[str, ...]:
+        """Names for the verdict: causes and findings, that which changes depth most first; without `causes`, only findings not read off structure."""
+        size2 = {c.named.verdict: self.figures.added2(c.named.name) for c in self.causes if causes and not c.named.suspected}
+        size2 |= {f.name: self.figures.added2(f.name) for f in not_expected(self.findings) if causes or not f.structure}
+        return tuple(sorted(size2, key=lambda name: (-size2[name], name)))
 
     @property
     def worsens(self) -> str | None:
@@ -143,7 +142,7 @@ def account(
     gap = _gap(counted, findings, list(counted.maps))
     causes = tuple(
         Cause(n, counted.shrink([n.name]), counted.shrink([m for m in counted.maps if m != n.name]).shrink, solved.sizes[n.name])
-        for n in solved.named
+        for n in sorted(solved.named, key=lambda n: -counted.added2(n.name))
     )
     pushed, astray = arms_beyond_prior(solved, findings, config)
     return Account(solved, causes, findings, counted, gap, arms_tell and pushed, follows, sags, on_time and astray)

@@ -17,6 +17,7 @@ from tof_gap.seen.finding import Finding
 from tof_gap.solved import Named
 from tof_gap.tell.account import Account, Cause, arms_beyond_prior, unfounded, without_causes
 from tof_gap.tell.figures.shrink import Errors, Shrink
+from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
@@ -33,8 +34,12 @@ def account(shrink: float | None, **left_out: float | None) -> Account:
     gap = gap_of(shrink)
     causes = tuple(Cause(Named(name, (), (), (), 1.0), gap, without, 2e-3) for name, without in left_out.items())
     unused = cast("Any", None)
-    figures = cast("Any", SimpleNamespace(limits=ReportLimits()))
+    figures = cast("Any", SimpleNamespace(limits=ReportLimits(), added2=lambda name: SIZES2.get(name, 0.0)))
     return Account(unused, causes, (), figures, gap)
+
+
+SIZES2 = {"wiggling": 2.0, "amplitude_bias": 1.0, "phase_wrap": 900.0}
+"""What effects add to depth, mean squares in mm^2."""
 
 
 @pytest.mark.parametrize(
@@ -68,8 +73,14 @@ def test_a_drift_that_foreign_light_would_show_by_chance_is_taken_out(posed_m: f
 def test_a_cause_that_too_few_views_show_is_no_name() -> None:
     found = account(0.9, amplitude_bias=0.1, wiggling=0.7)
     few = replace(found.causes[1], named=replace(found.causes[1].named, suspected=True))
-    assert found.names(causes=True) == {"amplitude_bias", "wiggling"}
-    assert replace(found, causes=(found.causes[0], few)).names(causes=True) == {"amplitude_bias"}
+    assert found.names(causes=True) == ("wiggling", "amplitude_bias")
+    assert replace(found, causes=(found.causes[0], few)).names(causes=True) == ("amplitude_bias",)
+
+
+def test_names_begin_with_what_changes_depth_most_and_end_with_what_changes_none() -> None:
+    findings = (Finding(Dropout(), 1.0), Finding(Noise(extra_m=0.002), 0.95), Finding(PhaseWrap(), 1.0))
+    found = replace(account(0.9, amplitude_bias=0.1, wiggling=0.7), findings=findings)
+    assert found.names(causes=True) == ("phase_wrap", "wiggling", "amplitude_bias", "dropout", "noise")
 
 
 def test_causes_that_are_only_suspected_shrink_nothing() -> None:
@@ -87,8 +98,8 @@ def test_what_was_read_off_structure_is_no_name_beside_structure_without_one() -
     stripes = Finding(Interference(burst_m=0.001), 0.95, structure=True)
     rows = Finding(Noise(extra_m=0.002), 0.95)
     found = replace(account(0.9, wiggling=0.7), findings=(stripes, rows))
-    assert found.names(causes=True) == {"wiggling", "interference", "noise"}
-    assert found.names(causes=False) == {"noise"}
+    assert found.names(causes=True) == ("wiggling", "interference", "noise")
+    assert found.names(causes=False) == ("noise",)
 
 
 @pytest.mark.parametrize(

@@ -53,6 +53,9 @@ class Counted:
     def shrink(self, names: list[str]) -> Shrink:
         return gap_of(BY[tuple(sorted(names))])
 
+    def added2(self, name: str) -> float:
+        return BY[(name,)]
+
 
 @pytest.fixture
 def counted(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Finding, ...]]:

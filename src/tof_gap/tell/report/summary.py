@@ -38,7 +38,7 @@ def summary(d: Diagnosis) -> list[str]:
     """Lines of the verdict, notes on the recording, the gap, its causes, the calibration, and what was not found, left out or not testable."""
     stray = [f"left out: {of_views(d.stray)}, whose depth fits the CAD only at poses where the arm cannot have been"] if d.stray else []
     return [
-        f"verdict: {', '.join(sorted(d.verdict, key=lambda name: name == UNKNOWN))}{meaning_of(d.verdict)}",
+        f"verdict: {', '.join(d.verdict)}{meaning_of(d.verdict)}",
         *(f"note: {what} To do: {todo}" for what, todo in d.notes),
         *gap_lines(d),
         *_cause_lines(d),
