@@ -141,7 +141,7 @@ class Ambient(Effect):
                 if found is None or found.excess < LEAST_EXCESS
                 else f"; here noise is {found.times:.1f} times that of the photon law in --sensor"
             )
-            return f"exposure is automatic, or long and short exposures are merged: brighter views or pixels are noisier{more}"
+            return f"brighter views or pixels are noisier at the same amplitude, as under automatic or merged exposures, or where near views move more{more}"
         if session.noise_of_steps:
             return "noise grows with the steps of the fixed pattern: the camera averages over fewer neighbours there than the photon law assumes"
         if session.law is None:
