@@ -64,7 +64,7 @@ def emerging(case: ForeignCase, size: tuple[int, int], folder: Path) -> Camera:
         with opened(folder / "first" / "bag", scene_file, GapPipelineConfig()) as (reader, scene):
             assert scene is not None
             found, _ = diagnose_bag(reader, scene, GapPipelineConfig())
-        write_data_sheet(session.healthy, folder / "data_sheet.yaml")
+        write_data_sheet(session.healthy, session.camera, folder / "data_sheet.yaml")
         _save(found, load_model(folder / "data_sheet.yaml").law, folder)
     with opened(folder / "second" / "bag", scene_file, PipelineConfig()) as (reader, scene):
         captures = list(reader.captures())

@@ -44,7 +44,7 @@ def record_pair(pair: SimulatorPair, bags: Path, sealed: Path, size: tuple[int, 
     record(camera, bags / REAL, sealed / REAL, pair.camera, reached_by_camera)
     record(simulator, bags / SIMULATED, sealed / SIMULATED, pair.simulator, reached)
     write_prior(bags / "scene" / "calibration.yaml")
-    write_data_sheet(camera.healthy, bags / "scene" / DATA_SHEET)
+    write_data_sheet(camera.healthy, camera.camera, bags / "scene" / DATA_SHEET)
     (sealed / "pair.json").write_text(json.dumps(pair.to_dict() | {"reached": [reached_by_camera, reached]}, indent=1))
 
 

@@ -17,14 +17,15 @@ if TYPE_CHECKING:
 
     from benchmarks.emerging.data_sheet import NoiseTable
     from benchmarks.emerging.device import Device
+    from tof_core.camera import Camera
 
 
-def write_data_sheet(healthy: Device, path: Path) -> NoiseTable:
+def write_data_sheet(healthy: Device, lens: Camera, path: Path) -> NoiseTable:
     """Fit the law's four terms to the table's variances by non-negative least squares on relative errors, and write them.
 
     Returns the table.
     """
-    table = noise_table(healthy)
+    table = noise_table(healthy, lens)
     reference = float(np.median(table.amplitude))
     ratio = reference / table.amplitude
     terms = np.stack([np.ones_like(ratio), ratio, ratio * table.distance**2, ratio**2], axis=1)

@@ -43,7 +43,7 @@ def record_one(case: ForeignCase, bag: Path, sealed: Path, size: tuple[int, int]
     case, session, reached = shown(case, bag / "scene", size)
     truth = record(session, bag / "bag", sealed / "truth", case.causes, reached)
     write_prior(bag / "scene" / "calibration.yaml")
-    write_data_sheet(session.healthy, bag / "scene" / DATA_SHEET)
+    write_data_sheet(session.healthy, session.camera, bag / "scene" / DATA_SHEET)
     answer = case.to_dict() | {"separable": separability(truth.arrays(), truth.meta())}
     (sealed / "case.json").write_text(json.dumps(answer, indent=1))
     # The list that the diagnosis may use is no secret; what is in the bag is.
