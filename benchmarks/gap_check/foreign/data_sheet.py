@@ -31,6 +31,7 @@ def write_data_sheet(healthy: Device, lens: Camera, path: Path) -> NoiseTable:
     terms = np.stack([np.ones_like(ratio), ratio, ratio * table.distance**2, ratio**2], axis=1)
     found, _ = nnls(terms / table.variance[:, None], np.ones(len(ratio)))
     floor, shot, far, ambient = (float(np.sqrt(x)) for x in found)
-    law = PhotonLaw(floor_m=floor, shot_m=shot, far_m=far, ambient_m=ambient, reference=reference)
+    darkest = float(table.amplitude.min())
+    law = PhotonLaw(floor_m=floor, shot_m=shot, far_m=far, ambient_m=ambient, reference=reference, darkest=darkest)
     save_model(SensorModel((law,)), path)
     return table

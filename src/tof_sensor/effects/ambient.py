@@ -146,6 +146,8 @@ class Ambient(Effect):
             return "noise grows with the steps of the fixed pattern: the camera averages over fewer neighbours there than the photon law assumes"
         if session.law is None:
             return "no noise to compare with: pass --sensor with the sensor.yaml of a session of this camera without ambient light"
+        if session.noise is not None and len(session.noise.view) < LEAST_BINS:
+            return f"the photon law in --sensor was measured at amplitudes from {session.law.darkest:.3g} on, and hardly a surface is as bright here"
         found = None if session.averages else _compared(session)
         if found is None or found.less + found.light < LEAST_EXCESS or found.is_light:
             return ""

@@ -13,7 +13,7 @@ from tof_sensor.effect import Effect, Evidence
 from tof_sensor.frame import with_noise
 
 if TYPE_CHECKING:
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Mask
     from tof_sensor.frame import Frame
 
 
@@ -39,11 +39,16 @@ class PhotonLaw(Effect):
     reference: float = param(1.0, "reference amplitude in the camera's unit", low=1e-12)
     window_px: int = param(1, "window over which the camera averages neighbours, which then share noise", unit="px", low=1, high=31)
     between: float = param(0.0, "variance between captures of a dwell over this law's; 0: not known", low=0.0, high=100.0)
+    darkest: float = param(0.0, "least amplitude that the law was measured at, in the camera's unit; 0: not known", low=0.0)
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
         """Add noise by amplitude."""
         variance = self.variance(frame.amplitude, frame.surroundings_m2)
         return with_noise(frame, np.sqrt(variance) / frame.length, rng, self.window_px)
+
+    def holds(self, amplitude: Float) -> Mask:
+        """(n,) whether the law was measured at amplitudes as low as these (n,)."""
+        return np.asarray(amplitude >= self.darkest)
 
     def variance(self, amplitude: Float, surroundings2: Float) -> Float:
         """m^2 along the ray at amplitudes and squared ranges over the cosine of incidence (`Frame.surroundings_m2`)."""

@@ -113,7 +113,8 @@ def fit_law(b: NoiseBins, step_m: float, limits: NoiseLimits, *, floor: bool = T
     cov = np.linalg.pinv((X[keep] * weight[keep, None]).T @ (X[keep] * weight[keep, None]))
     floor2 = c[0] + own
     shot, far, ambient = (float(np.sqrt(x)) for x in c[1:])
-    law = PhotonLaw(floor_m=float(np.sqrt(floor2)), shot_m=shot, ambient_m=ambient, far_m=far, reference=reference)
+    darkest = float(b.amplitude.min())
+    law = PhotonLaw(floor_m=float(np.sqrt(floor2)), shot_m=shot, ambient_m=ambient, far_m=far, reference=reference, darkest=darkest)
     spread = float(np.sqrt(cov[0, 0]) / max(2 * np.sqrt(c[0]), 1e-6))
     return LawFit(law, spread, float(np.std(log[keep])))
 
@@ -124,10 +125,13 @@ def variance_of_mean(law: PhotonLaw, view: ViewEvidence) -> Float:
 
 
 def over_law(b: NoiseBins, law: PhotonLaw) -> float:
-    """Median variance over that of a stated law: of all bins, or of the brighter half if that is less.
+    """Median variance over that of a stated law: of all bins that it holds for, or of the brighter half if that is less; 1 without any.
 
     Noise at every amplitude shows in bright light most, where the law leaves least; a law that is wrong in weak light does not.
     """
+    b = b.of(law.holds(b.amplitude))
+    if not len(b.view):
+        return 1.0
     ratio = b.variance / law.variance(b.amplitude, b.surroundings2)
     return float(min(np.median(ratio), np.median(ratio[b.amplitude >= np.median(b.amplitude)])))
 

@@ -21,7 +21,7 @@ from tof_gap.seen.noise.bursts import _stand_out
 from tof_gap.seen.noise.effects import noise_effects, without_offsets
 from tof_gap.seen.noise.exposure import exposed
 from tof_gap.seen.noise.lines import line_noise, shared_m
-from tof_gap.seen.noise.photons import binned, fit_law, own_law, quiet_law, view_ratio
+from tof_gap.seen.noise.photons import binned, fit_law, over_law, own_law, quiet_law, view_ratio
 from tof_gap.seen.noise.stereo import like_stereo
 from tof_gap.solve.hypotheses.candidates import not_testable
 from tof_sensor.effects.ambient import Ambient
@@ -366,6 +366,24 @@ def test_noise_under_automatic_exposure_is_no_effect() -> None:
     law = PhotonLaw(shot_m=0.001, reference=2000.0)
     assert "under automatic or merged exposures" in str(Ambient.not_testable(judged(seen, LIMITS, law)))
     assert "under automatic or merged exposures" not in str(Ambient.not_testable(judged(views(rng()), LIMITS, law)))
+
+
+def test_noise_is_compared_with_a_stated_law_where_that_was_measured() -> None:
+    """The law understates the noise of dark pixels, which its data sheet lacks: they are no evidence of foreign light."""
+    seen = views(rng())
+    bins = binned(seen, LIMITS.bins, LIMITS)
+    fitted = fit_law(bins, 0.0, LIMITS).law
+    assert fitted.darkest == bins.amplitude.min()
+    middle = float(np.median(bins.amplitude))
+    compared = judged(seen, LIMITS, replace(fitted, darkest=middle)).noise
+    assert compared is not None
+    assert 0 < len(compared.view) < len(bins.view)
+    assert compared.amplitude.min() >= middle
+    brighter = replace(fitted, darkest=2.0 * float(bins.amplitude.max()))
+    assert over_law(bins, brighter) == 1.0
+    reason = Ambient.not_testable(judged(seen, LIMITS, brighter))
+    assert reason is not None
+    assert reason.startswith("the photon law in --sensor was measured at amplitudes from")
 
 
 def test_bursts_beside_dwells_of_different_length_are_found() -> None:
