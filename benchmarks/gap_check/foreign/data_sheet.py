@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,18 +21,33 @@ if TYPE_CHECKING:
     from tof_core.camera import Camera
 
 
+WITHIN_M = np.geomspace(2e-3, 0.2, 60).tolist()
+"""Thresholds of the average that are tried: the maker knows that of the camera's filter, which compares pairs of neighbours."""
+
+
 def write_data_sheet(healthy: Device, lens: Camera, path: Path) -> NoiseTable:
-    """Fit the law's four terms to the table's variances by non-negative least squares on relative errors, and write them.
+    """Fit the photon law to the table's variances and write it; that of a camera that averages with the threshold that fits best.
 
     Returns the table.
     """
-    table = noise_table(healthy, lens)
+    table, firmware = noise_table(healthy, lens), healthy.firmware
+    step_m, window = 1e-3 * firmware.step_mm / np.sqrt(12), firmware.denoise_px
+    laws = [fitted(table, PhotonLaw(floor_m=step_m, window_px=window, within_m=within)) for within in (WITHIN_M if window > 1 else (0.0,))]
+    save_model(SensorModel((min(laws, key=lambda law: misfit(table, law)),)), path)
+    return table
+
+
+def fitted(table: NoiseTable, average: PhotonLaw) -> PhotonLaw:
+    """The law with the four terms that fit best, by non-negative least squares on relative errors, beside the average and the step of a law."""
     reference = float(np.median(table.amplitude))
-    ratio = reference / table.amplitude
+    ratio, variance = reference / table.amplitude, average.of_whole(table.variance)
     terms = np.stack([np.ones_like(ratio), ratio, ratio * table.distance**2, ratio**2], axis=1)
-    found, _ = nnls(terms / table.variance[:, None], np.ones(len(ratio)))
+    found, _ = nnls(terms / variance[:, None], np.ones(len(ratio)))
     floor, shot, far, ambient = (float(np.sqrt(x)) for x in found)
     darkest = float(table.amplitude.min())
-    law = PhotonLaw(floor_m=floor, shot_m=shot, far_m=far, ambient_m=ambient, reference=reference, darkest=darkest)
-    save_model(SensorModel((law,)), path)
-    return table
+    return replace(average, floor_m=floor, shot_m=shot, far_m=far, ambient_m=ambient, reference=reference, darkest=darkest)
+
+
+def misfit(table: NoiseTable, law: PhotonLaw) -> float:
+    """Mean squared error of the law's ln variance."""
+    return float(np.mean(np.log(law.variance(table.amplitude, table.distance**2) / table.variance) ** 2))

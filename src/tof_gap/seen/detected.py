@@ -66,7 +66,7 @@ def judged(views: Sequence[ViewEvidence], limits: NoiseLimits, law: PhotonLaw | 
     compared = whole if len(whole.view) >= limits.least_bins else bins
     many = law is not None and len(compared.view) >= limits.least_bins
     changes = many and exposed(compared, fit_law(compared, code_step(views), limits), limits, brightness(views))
-    return replace(session_of(views, limits, law=law), noise=whole, exposed=changes)
+    return replace(session_of(views, limits, law=law), noise=wholly_averaged(bins, views[0].correlation, law), exposed=changes)
 
 
 def explained(views: Sequence[ViewEvidence], found: Sequence[Finding]) -> list[ViewEvidence]:

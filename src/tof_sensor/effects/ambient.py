@@ -211,6 +211,7 @@ def _compared(session: Session) -> _Compared | None:
     law, bins = session.law, session.noise
     if law is None or bins is None or len(bins.view) < LEAST_BINS:
         return None
+    bins, law = replace(bins, variance=law.of_whole(bins.variance)), law.whole
     predicted = law.variance(bins.amplitude, bins.surroundings2)
     excess = bins.variance - predicted
     of_view = np.array([np.median((excess / predicted)[bins.view == v]) for v in np.unique(bins.view)])

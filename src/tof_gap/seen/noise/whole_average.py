@@ -9,17 +9,23 @@ import numpy as np
 
 if TYPE_CHECKING:
     from tof_gap.seen.evidence.correlation import NoiseCorrelation
+    from tof_sensor.effects.photon_law import PhotonLaw
     from tof_sensor.session import NoiseBins
 
 LEAST_GROWTH, MOST_GROWTH = 0.6, 2.0
 """Growth of the variance from next neighbours to pixels two apart, over that of the whole session, where an average is whole: a bin of 2000
 differences knows its growth to a fifth."""
+BROKEN = 1.5
+"""Ratio of a variance to that of a whole average, by a law that knows the camera's threshold, from which the noise itself makes the average take in
+fewer neighbours: the law says how much noisier that is."""
 LEAST_OF_VIEW = 3
 """Fewest such bins of a view whose noise is compared with that of others: the median of two is the mean of one and an outlier."""
 
 
-def wholly_averaged(bins: NoiseBins, correlation: NoiseCorrelation) -> NoiseBins:
+def wholly_averaged(bins: NoiseBins, correlation: NoiseCorrelation, law: PhotonLaw | None = None) -> NoiseBins:
     """The bins whose pixels share noise with their neighbours as usual, if the camera averages over them; all bins of other cameras.
+
+    law: a stated one; where it knows from which noise on the camera averages over fewer neighbours, bins with such noise are kept.
 
     Beside edges, lost pixels and noise beyond a filter's threshold an average takes in fewer neighbours. Noise is higher there, and next
     neighbours share less of it. Creases and steps of the depth code grow faster with the distance of the samples than noise does. In ten
@@ -28,6 +34,7 @@ def wholly_averaged(bins: NoiseBins, correlation: NoiseCorrelation) -> NoiseBins
     if not correlation.correlated or bins.growth is None:
         return bins
     usual = (bins.growth - 1.0) / (correlation.growth - 1.0)
-    whole = bins.of((usual > LEAST_GROWTH) & (usual < MOST_GROWTH))
+    known = np.zeros(len(usual), bool) if law is None else bins.variance > BROKEN * law.of_whole(bins.variance)
+    whole = bins.of(((usual > LEAST_GROWTH) | known) & (usual < MOST_GROWTH))
     views, number = np.unique(whole.view, return_counts=True)
     return whole.of(np.isin(whole.view, views[number >= LEAST_OF_VIEW]))
