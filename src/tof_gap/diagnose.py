@@ -14,7 +14,7 @@ from tof_core.errors import RefusedError
 from tof_core.memory import give_back
 from tof_gap.seen.evidence.field import within_field
 from tof_gap.seen.evidence.residual import less
-from tof_gap.seen.noise.photons import own_law
+from tof_gap.seen.noise.own_law import own_law
 from tof_gap.solve.apart import set_apart
 from tof_gap.solve.conclude import conclude
 from tof_gap.solve.hypotheses.candidate import HAND_EYE

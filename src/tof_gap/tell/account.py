@@ -20,7 +20,7 @@ from tof_gap.seen.missing.by_line import lost_by_lines
 from tof_gap.seen.missing.by_pixel import lost_by_pixels
 from tof_gap.seen.noise import effects as noise
 from tof_gap.seen.noise.between_captures import as_captures_step
-from tof_gap.seen.noise.photons import own_law
+from tof_gap.seen.noise.own_law import own_law
 from tof_gap.seen.session import session_of
 from tof_gap.tell.figures.session import figures
 from tof_gap.tell.outliers import fails_to_merge, hides_light, not_outliers

@@ -13,8 +13,7 @@ from scipy.optimize import nnls
 from tof_core.stats import by_group, hats, least_deviations, robust_std, second_differences, trimmed_std
 from tof_gap.seen.evidence.level import DARK
 from tof_gap.seen.evidence.residual import single
-from tof_gap.seen.finding import most
-from tof_gap.seen.noise.dwells import as_captures_differ, between_captures2, between_ratio
+from tof_gap.seen.noise.dwells import between_captures2
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.session import LN_AGREES, NoiseBins
 
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_gap.limits.noise import NoiseLimits
     from tof_gap.seen.evidence.view import ViewEvidence
-    from tof_sensor.effect import Effect
 
 ROUNDS = 4
 """Fits of the law, each without the outliers of the previous fit."""
@@ -113,7 +111,7 @@ def fit_law(b: NoiseBins, step_m: float, limits: NoiseLimits, *, floor: bool = T
     cov = np.linalg.pinv((X[keep] * weight[keep, None]).T @ (X[keep] * weight[keep, None]))
     floor2 = c[0] + own
     shot, far, ambient = (float(np.sqrt(x)) for x in c[1:])
-    darkest = float(b.amplitude.min())
+    darkest = min(b.amplitude.tolist(), default=0.0)
     law = PhotonLaw(floor_m=float(np.sqrt(floor2)), shot_m=shot, ambient_m=ambient, far_m=far, reference=reference, darkest=darkest)
     spread = float(np.sqrt(cov[0, 0]) / max(2 * np.sqrt(c[0]), 1e-6))
     return LawFit(law, spread, float(np.std(log[keep])))
@@ -238,27 +236,6 @@ def quiet_law(b: NoiseBins, step_m: float, views: int, limits: NoiseLimits) -> L
 def code_step(views: Sequence[ViewEvidence]) -> float:
     """Metres between the depth codes that the camera writes, 0 where depth is continuous."""
     return float(np.median([v.step_m for v in views])) if views else 0.0
-
-
-def own_law(views: Sequence[ViewEvidence], named: Sequence[Effect], limits: NoiseLimits, wrong2: Float | None = None) -> PhotonLaw | None:
-    """The photon law of the session's noise beside the named effects, None where there are too few bins.
-
-    wrong2: (V,) m^2 along the ray by which the variance estimated from neighbours, in the mean of each view, is known to be too large.
-    """
-    b, step = binned(views, limits.bins, limits), code_step(views)
-    if len(b.view) < limits.least_bins:
-        return None
-    if wrong2 is not None:
-        wrong2 = wrong2 * [v.view.captures for v in views]
-        b = replace(b, variance=np.maximum(b.variance - wrong2[b.view.astype(int)], views[0].limits.pattern.level_share * b.variance))
-    b = of_one_capture(b, np.array([v.view.captures for v in views], float), step, limits)
-    ratio = between_ratio(b)
-    b = as_captures_differ(b, ratio)
-    bursts = any(e.in_bursts for e in named)
-    law = (quiet_law(b, step, len(views), limits) if bursts else fit_law(b, step, limits)).law
-    apart2 = sum(e.constant_variance for e in named)
-    floor_m = float(np.sqrt(max(law.floor_m**2 - apart2, 0.0)))
-    return replace(law, floor_m=floor_m, window_px=views[0].correlation.window_px, between=min(ratio, most(PhotonLaw, "between")))
 
 
 def least_mm(views: Sequence[ViewEvidence], limits: NoiseLimits) -> float:

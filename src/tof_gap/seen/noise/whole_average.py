@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from tof_core.arrays import Float
     from tof_gap.seen.evidence.correlation import NoiseCorrelation
     from tof_sensor.effects.photon_law import PhotonLaw
     from tof_sensor.session import NoiseBins
@@ -33,8 +34,19 @@ def wholly_averaged(bins: NoiseBins, correlation: NoiseCorrelation, law: PhotonL
     """
     if not correlation.correlated or bins.growth is None:
         return bins
-    usual = (bins.growth - 1.0) / (correlation.growth - 1.0)
-    known = np.zeros(len(usual), bool) if law is None else bins.variance > BROKEN * law.of_whole(bins.variance)
-    whole = bins.of(((usual > LEAST_GROWTH) | known) & (usual < MOST_GROWTH))
+    flat = without_structure(bins, correlation)
+    known = np.zeros(len(flat.view), bool) if law is None else flat.variance > BROKEN * law.of_whole(flat.variance)
+    whole = flat.of((_growth(flat, correlation) > LEAST_GROWTH) | known)
     views, number = np.unique(whole.view, return_counts=True)
     return whole.of(np.isin(whole.view, views[number >= LEAST_OF_VIEW]))
+
+
+def without_structure(bins: NoiseBins, correlation: NoiseCorrelation) -> NoiseBins:
+    """The bins of a camera that averages without those whose variance grows faster with the distance of the samples than noise does."""
+    return bins if not correlation.correlated or bins.growth is None else bins.of(_growth(bins, correlation) < MOST_GROWTH)
+
+
+def _growth(bins: NoiseBins, correlation: NoiseCorrelation) -> Float:
+    """(n,) growth of the variance from next neighbours to pixels two apart, over that of the whole session."""
+    assert bins.growth is not None
+    return np.asarray((bins.growth - 1.0) / (correlation.growth - 1.0))

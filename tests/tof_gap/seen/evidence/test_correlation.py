@@ -19,7 +19,8 @@ from tof_gap.seen.evidence.correlation import INDEPENDENT, NoiseCorrelation, noi
 from tof_gap.seen.evidence.residual import gather
 from tof_gap.seen.noise.effects import beside_lines, lines_found, noise_effects
 from tof_gap.seen.noise.lines import line_noise, line_noise_by_view
-from tof_gap.seen.noise.photons import binned, constant_part, fit_law, own_law
+from tof_gap.seen.noise.own_law import own_law
+from tof_gap.seen.noise.photons import binned, constant_part, fit_law
 
 if TYPE_CHECKING:
     from collections.abc import Callable

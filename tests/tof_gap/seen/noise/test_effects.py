@@ -21,7 +21,8 @@ from tof_gap.seen.noise.bursts import _stand_out
 from tof_gap.seen.noise.effects import noise_effects, without_offsets
 from tof_gap.seen.noise.exposure import exposed
 from tof_gap.seen.noise.lines import line_noise, shared_m
-from tof_gap.seen.noise.photons import binned, fit_law, over_law, own_law, quiet_law, view_ratio
+from tof_gap.seen.noise.own_law import own_law
+from tof_gap.seen.noise.photons import binned, fit_law, over_law, quiet_law, view_ratio
 from tof_gap.seen.noise.stereo import like_stereo
 from tof_gap.solve.hypotheses.candidates import not_testable
 from tof_sensor.effects.ambient import Ambient
