@@ -22,7 +22,7 @@ from tof_gap.seen.noise.between_captures import stepping_captures
 from tof_gap.seen.noise.bursts import bursts
 from tof_gap.seen.noise.dwells import as_captures_differ, usual_ratio
 from tof_gap.seen.noise.exposure import exposed
-from tof_gap.seen.noise.lines import line_map, line_noise, line_noise_by_view, shared_m
+from tof_gap.seen.noise.lines import everywhere_m, line_map, line_noise, line_noise_by_view, shared_m
 from tof_gap.seen.noise.photons import (
     binned,
     brightness,
@@ -130,9 +130,9 @@ def noise_effects(
     fitted = None if dark else fit_law(b, step, limits)
     bright = brightness(views)
     changes = fitted is not None and exposed(b, fitted, limits, bright)
-    hit = (
+    hit = (  # Noise of whole lines differs from view to view by itself.
         None
-        if dark or patchy or {Interference.NAME, Noise.NAME} <= left_out
+        if dark or patchy or {Interference.NAME, Noise.NAME} <= left_out or lines_found(views, limits)
         else bursts(views, b, step, limits, bright if changes else None)
     )
     if hit is not None:
@@ -207,7 +207,7 @@ def _noisy_lines(views: Sequence[ViewEvidence], typical_m: float, least_m: float
     found = (line_noise(views, axis, limits.lines) for axis in (1, 0))
     over, lines = over_mean(views), limits.lines
     large = (of for of in found if of.sigma > lines.sigma and over * of.size_m > least)
-    return [of for of in large if over * shared_m(views, of.axis, lines) > lines.shared * least]
+    return [of for of in large if over * max(of_all(views, of.axis, lines) for of_all in (shared_m, everywhere_m)) > lines.shared * least]
 
 
 def lines_found(views: Sequence[ViewEvidence], limits: NoiseLimits) -> list[LineNoise]:

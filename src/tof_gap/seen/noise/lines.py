@@ -60,6 +60,16 @@ def shared_m(views: Sequence[ViewEvidence], axis: int, limits: LineLimits) -> fl
     return float(np.sqrt(max(of.variance([_shared2(views, axis, limits, step) for step in of.steps]), 0.0)))
 
 
+def everywhere_m(views: Sequence[ViewEvidence], axis: int, limits: LineLimits) -> float:
+    """Standard deviation in metres along the ray that lines along `axis` have in most of their quarters, whatever its sign in each.
+
+    Read-out noise of a line turns the phase by an amount that changes its sign with the phase, that is, with range: quarters then share none
+    of it, and each has some. Of four quarters the second least counts: an error of a surface is in one place of a line.
+    """
+    of = views[0].correlation
+    return float(np.sqrt(max(of.variance([_everywhere2(views, axis, limits, step) for step in of.steps]), 0.0)))
+
+
 def line_noise_by_view(views: Sequence[ViewEvidence], axis: int, limits: LineLimits) -> Float:
     """(V,) standard deviation in metres along the ray of the noise that the pixels along `axis` share in each view.
 
@@ -88,6 +98,15 @@ def _shared2(views: Sequence[ViewEvidence], axis: int, limits: LineLimits, step:
     products = np.concatenate([(off[:, one] * off[:, other]).ravel() for one, other in APART])
     known = products[np.isfinite(products)]
     return float(np.clip(known, -cap2, cap2).mean()) if len(known) else 0.0
+
+
+def _everywhere2(views: Sequence[ViewEvidence], axis: int, limits: LineLimits, step: int) -> float:
+    """m^2: usual square, over views and lines, of the mean second difference of the second least quarter, less that of white noise."""
+    off, _ = _beside_mean(np.stack([_quarter_means(v, axis, limits, step) for v in views]), limits)
+    white = QUARTERS * np.stack([_line_means(v, axis, limits, step)[1] for v in views])
+    second = np.sort(np.where(np.isfinite(off), np.square(off), np.inf), axis=1)[:, 1]
+    seen = np.isfinite(white) & (np.isfinite(off).sum(axis=1) >= QUARTERS - 1)
+    return float(np.median(second[seen]) / CHI2_MEDIAN - np.median(white[seen])) if seen.any() else 0.0
 
 
 def _quarter_means(view: ViewEvidence, axis: int, limits: LineLimits, step: int) -> Float:

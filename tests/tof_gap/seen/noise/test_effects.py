@@ -18,9 +18,9 @@ from tof_gap.seen.evidence.level import depth_step, noise_level
 from tof_gap.seen.evidence.residual import gather
 from tof_gap.seen.foreign.stripes import Beat, beat, explained
 from tof_gap.seen.noise.bursts import _stand_out
-from tof_gap.seen.noise.effects import noise_effects, without_offsets
+from tof_gap.seen.noise.effects import lines_found, noise_effects, without_offsets
 from tof_gap.seen.noise.exposure import exposed
-from tof_gap.seen.noise.lines import line_noise, shared_m
+from tof_gap.seen.noise.lines import everywhere_m, line_noise, shared_m
 from tof_gap.seen.noise.own_law import own_law
 from tof_gap.seen.noise.photons import binned, fit_law, over_law, quiet_law, view_ratio
 from tof_gap.seen.noise.stereo import like_stereo
@@ -238,6 +238,18 @@ def test_rims_of_objects_are_no_noise_of_rows() -> None:
     assert whole_m == pytest.approx(0.004, rel=0.15)
     assert local.size_m > 0.0005
     assert local_m < 0.5 * local.size_m
+    assert everywhere_m(seen[0], 1, LIMITS.lines) == pytest.approx(0.004, rel=0.15)
+    assert everywhere_m(seen[1], 1, LIMITS.lines) == 0.0
+
+
+def test_rows_whose_noise_changes_its_sign_with_range_are_noise_of_rows() -> None:
+    """Each quarter of a row has a noise of its own, of the same size: the quarters share none, and the row's mean has half."""
+    rng = np.random.default_rng(4)
+    quarters = np.repeat(0.008 * rng.standard_normal((VIEWS, SHAPE[0], 4)), SHAPE[1] // 4, axis=2)
+    seen = views(rng, np.pad(quarters, ((0, 0), (0, 0), (0, SHAPE[1] - quarters.shape[2])), mode="edge"))
+    assert shared_m(seen, 1, LIMITS.lines) < 0.0015
+    assert 0.003 < everywhere_m(seen, 1, LIMITS.lines) < 0.008
+    assert [of.axis for of in lines_found(seen, LIMITS)] == [1]
 
 
 def test_a_constant_row_is_a_pattern_and_no_noise() -> None:
