@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from tof_sensor.action import Action
     from tof_sensor.effect import Effect
 
+MANY = 3
+"""Ties of one effect from which they stand in one line."""
 EXTRA = 4
 """Largest number of views that advice may ask for."""
 
@@ -41,8 +43,41 @@ def advise(d: Diagnosis, caster: Raycaster) -> list[str]:
     of the session; the share that would be left follows from Gram matrices.
     """
     light = over_exposed(d.evidence, caster.scene.names, d.config.missing, d.config.report.over_exposed)
-    ties = sorted({_for_tie(d, caster, one, other) for one, other in d.solved.tied})
-    return [line for line in (light, _before_a_board(d), *ties) if line]
+    found = [_for_tie(d, caster, one, other) for one, other in d.solved.tied]
+    apart = sorted({f"{f.action}: separates {f.names} {f.gain}" for f in found if f.action})
+    return [line for line in (light, _before_a_board(d), *apart, *_by_reference([f for f in found if not f.action])) if line]
+
+
+class _ForTie(NamedTuple):
+    """What separates two effects: an action of the session's kind with what it gains, or nothing but a reference of either effect."""
+
+    one: str
+    other: str
+    references: tuple[str, ...]
+    action: str = ""
+    gain: str = ""
+
+    @property
+    def names(self) -> str:
+        """Both, in order."""
+        return "|".join(sorted((self.one, self.other)))
+
+
+def _by_reference(ties: Sequence[_ForTie]) -> list[str]:
+    """A line for each tie that more views do not separate; one for all ties of an effect that has `MANY` of them."""
+    left, out = {t.names: t for t in ties}, list[str]()
+    for name in sorted({n for t in left.values() for n in (t.one, t.other)}):
+        own = [t for t in left.values() if name in (t.one, t.other)]
+        shared = [r for r in own[0].references if all(r in t.references for t in own)] if own else []
+        if len(own) >= MANY and shared:
+            others = sorted(t.other if t.one == name else t.one for t in own)
+            out.append(
+                f"no capture of {EXTRA} more views separates {name} from {', '.join(others[:-1])} or {others[-1]}; {' or '.join(shared)} would"
+            )
+            left = {names: t for names, t in left.items() if t not in own}
+    return sorted(
+        [*out, *(f"no capture of {EXTRA} more views separates {t.names}; {' or '.join(t.references)} would" for t in left.values())]
+    )
 
 
 def _before_a_board(d: Diagnosis) -> str:
@@ -53,9 +88,9 @@ def _before_a_board(d: Diagnosis) -> str:
     return f"the board in {USUAL_VIEWS} poses and more, at several distances and tilts: {views} views cannot prove an error that is common to all"
 
 
-def _for_tie(d: Diagnosis, caster: Raycaster, effect: Effect | None, other: Effect | None) -> str:
+def _for_tie(d: Diagnosis, caster: Raycaster, effect: Effect | None, other: Effect | None) -> _ForTie:
+    """The action after which poses and one effect imitate least of the other, if it gains enough."""
     one, two = (Candidate(HAND_EYE, None) if e is None else Candidate(e.NAME, e) for e in (effect, other))
-    names = "|".join(sorted((one.name, two.name)))
     if one.effect is None:
         one, two = two, one
     kinds = [HandEye if c.effect is None else type(c.effect) for c in (one, two)]
@@ -63,10 +98,11 @@ def _for_tie(d: Diagnosis, caster: Raycaster, effect: Effect | None, other: Effe
     tried = [(visible_share(d, caster, one, two, action), action.text) for action in actions]
     best, text = max(tried, default=(0.0, ""))
     now, limits = visible_share(d, caster, one, two, None), d.config.report
+    found = _ForTie(one.name, two.name, tuple(dict.fromkeys(kind.SEPARATED_BY for kind in kinds)))
     if best < limits.advice_gain * now + limits.advice_least:
-        reference = " or ".join(dict.fromkeys(kind.SEPARATED_BY for kind in kinds))
-        return f"no capture of {EXTRA} more views separates {names}; {reference} would"
-    return f"{text}: separates {names} (the share of one effect that the other cannot imitate rises from {in_percent(now)} to {in_percent(best)})"
+        return found
+    gain = f"(the share of one effect that the other cannot imitate rises from {in_percent(now)} to {in_percent(best)})"
+    return found._replace(action=text, gain=gain)
 
 
 def visible_share(d: Diagnosis, caster: Raycaster, one: Candidate, two: Candidate, action: Action | None) -> float:

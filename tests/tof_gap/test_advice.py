@@ -15,7 +15,7 @@ import pytest
 from tests.tof_align.made import CAMERA, CONFIG, look, panel
 from tof_align.chain import Chain
 from tof_core.capture import Capture, View
-from tof_gap.advice import advise, visible_share
+from tof_gap.advice import _by_reference, _ForTie, advise, visible_share
 from tof_gap.config import GapConfig
 from tof_gap.limits.evidence import EvidenceLimits
 from tof_gap.seen.evidence.residual import gather
@@ -124,3 +124,17 @@ def test_a_share_tells_what_the_actions_change() -> None:
     assert drift[-1] == pytest.approx(0.32, abs=0.02)
     light = [visible_share(diagnosis(), panel(), CANDIDATES[AMPLITUDE], CANDIDATES[WIGGLE], action) for action in (None, LATER, BRIGHTER)]
     assert light == pytest.approx([0.0, 0.0, 0.72], abs=0.02)
+
+
+def test_three_ties_of_one_effect_that_no_capture_separates_stand_in_one_line() -> None:
+    def tie(other: str, reference: str) -> _ForTie:
+        return _ForTie("hand_eye", other, (reference, "a hand-eye calibration"))
+
+    ties = [tie("range_offset", "a wall"), tie("specular", "matt spray"), tie("intrinsics", "a lens calibration")]
+    assert _by_reference(ties) == [
+        "no capture of 4 more views separates hand_eye from intrinsics, range_offset or specular; a hand-eye calibration would"
+    ]
+    assert _by_reference(ties[:2]) == [
+        "no capture of 4 more views separates hand_eye|range_offset; a wall or a hand-eye calibration would",
+        "no capture of 4 more views separates hand_eye|specular; matt spray or a hand-eye calibration would",
+    ]

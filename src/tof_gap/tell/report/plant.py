@@ -16,6 +16,8 @@ from tof_gap.seen.finding import not_expected
 from tof_gap.tell.report.phrases import listed, spaced
 from tof_gap.tell.unexplained import by_part
 from tof_sensor.effect import Evidence
+from tof_sensor.effects.motion import Motion
+from tof_sensor.effects.time_sync import TimeSync
 from tof_sensor.session import Course
 
 if TYPE_CHECKING:
@@ -138,11 +140,19 @@ def _words(
     return Words(
         name,
         kind.MEANING,
-        "" if maps is None else where(d, maps, scene),
+        "" if maps is None else f"{_in_motion(name, d)}{where(d, maps, scene)}",
         each or size,
         _remedy(kind, d),
         "" if maps is None else cost(d, maps),
     )
+
+
+def _in_motion(name: str, d: Diagnosis) -> str:
+    """Which views an error of a moving hand is in, where the session has others; else empty."""
+    moving = sum(v.frame.context.moving for v in d.evidence)
+    if name not in (Motion.NAME, TimeSync.NAME) or moving in (0, len(d.evidence)):
+        return ""
+    return f"in the {moving} of {len(d.evidence)} views that were taken in motion; "
 
 
 def _remedy(effect: Effect, d: Diagnosis) -> str:

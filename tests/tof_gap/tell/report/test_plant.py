@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_core.calibration import Calibration, HandEyeLimits
 from tof_gap.seen.finding import Finding
 from tof_gap.seen.missing.loss import GoesWith, Loss
-from tof_gap.tell.report.plant import Words, _remedy, acts, cost, plant_words, where
+from tof_gap.tell.report.plant import Words, _in_motion, _remedy, acts, cost, plant_words, where
 from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.hand_eye import HandEye
@@ -190,3 +190,17 @@ def test_the_parts_that_carry_most_of_it_are_named(shared: float, place: str) ->
     size = np.ones((VIEWS, *SHAPE)) * 0.005
     size[:, :, : SHAPE[1] // 2] *= shared
     assert where(d, list(size), SCENE) == place
+
+
+@pytest.mark.parametrize(
+    ("name", "moving", "words"),
+    [
+        ("motion", 8, "in the 8 of 20 views that were taken in motion; "),
+        ("time_sync", 8, "in the 8 of 20 views that were taken in motion; "),
+        ("motion", 20, ""),
+        ("wiggling", 8, ""),
+    ],
+)
+def test_an_error_of_a_moving_hand_is_in_the_views_taken_in_motion(name: str, moving: int, words: str) -> None:
+    views = [SimpleNamespace(frame=SimpleNamespace(context=SimpleNamespace(moving=k < moving))) for k in range(20)]
+    assert _in_motion(name, cast("Any", SimpleNamespace(evidence=views))) == words
