@@ -30,7 +30,7 @@ VERDICTS = {
     17: ("pair", ("dropout", "noise")),
     23: ("single-usual", ("specular",)),
     24: ("single-usual", ("hand_eye",)),
-    31: ("pair", ("fixed_pattern", "phase_wrap")),
+    31: ("pair", ("phase_wrap", "fixed_pattern")),
 }
 """Kind and verdict of a case, by its number in the draw: each kind but sessions without an effect, which `tests/tof_gap/test_diagnose.py` and the
 emerging camera's tests have, each scene, and effects in depth, noise, loss and poses."""
