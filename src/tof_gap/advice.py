@@ -15,6 +15,7 @@ from tof_gap.seen.evidence.edges import edge_band
 from tof_gap.solve.hypotheses.candidate import HAND_EYE, Candidate
 from tof_gap.solve.hypotheses.columns import build, stored
 from tof_gap.tell.over_exposed import over_exposed
+from tof_gap.tell.report.phrases import listed
 from tof_scene.render import render
 from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.frame import ideal_frame
@@ -44,18 +45,17 @@ def advise(d: Diagnosis, caster: Raycaster) -> list[str]:
     """
     light = over_exposed(d.evidence, caster.scene.names, d.config.missing, d.config.report.over_exposed)
     found = [_for_tie(d, caster, one, other) for one, other in d.solved.tied]
-    apart = sorted({f"{f.action}: separates {f.names} {f.gain}" for f in found if f.action})
-    return [line for line in (light, _before_a_board(d), *apart, *_by_reference([f for f in found if not f.action])) if line]
+    apart = sorted({f.capture for f in found if f.capture})
+    return [line for line in (light, _before_a_board(d), *apart, *_by_reference([f for f in found if not f.capture])) if line]
 
 
 class _ForTie(NamedTuple):
-    """What separates two effects: an action of the session's kind with what it gains, or nothing but a reference of either effect."""
+    """What separates two effects: the line of a capture, or "" and a reference of either effect."""
 
     one: str
     other: str
     references: tuple[str, ...]
-    action: str = ""
-    gain: str = ""
+    capture: str = ""
 
     @property
     def names(self) -> str:
@@ -71,13 +71,13 @@ def _by_reference(ties: Sequence[_ForTie]) -> list[str]:
         shared = [r for r in own[0].references if all(r in t.references for t in own)] if own else []
         if len(own) >= MANY and shared:
             others = sorted(t.other if t.one == name else t.one for t in own)
-            out.append(
-                f"no capture of {EXTRA} more views separates {name} from {', '.join(others[:-1])} or {others[-1]}; {' or '.join(shared)} would"
-            )
+            out.append(_no_capture(f"{name} from {listed(others, 'or')}", shared))
             left = {names: t for names, t in left.items() if t not in own}
-    return sorted(
-        [*out, *(f"no capture of {EXTRA} more views separates {t.names}; {' or '.join(t.references)} would" for t in left.values())]
-    )
+    return sorted([*out, *(_no_capture(t.names, t.references) for t in left.values())])
+
+
+def _no_capture(effects: str, references: Sequence[str]) -> str:
+    return f"no capture of {EXTRA} more views separates {effects}; {' or '.join(references)} would"
 
 
 def _before_a_board(d: Diagnosis) -> str:
@@ -101,8 +101,8 @@ def _for_tie(d: Diagnosis, caster: Raycaster, effect: Effect | None, other: Effe
     found = _ForTie(one.name, two.name, tuple(dict.fromkeys(kind.SEPARATED_BY for kind in kinds)))
     if best < limits.advice_gain * now + limits.advice_least:
         return found
-    gain = f"(the share of one effect that the other cannot imitate rises from {in_percent(now)} to {in_percent(best)})"
-    return found._replace(action=text, gain=gain)
+    gain = f"the share of one effect that the other cannot imitate rises from {in_percent(now)} to {in_percent(best)}"
+    return found._replace(capture=f"{text}: separates {found.names} ({gain})")
 
 
 def visible_share(d: Diagnosis, caster: Raycaster, one: Candidate, two: Candidate, action: Action | None) -> float:

@@ -59,8 +59,9 @@ def detected_effects(
 def judged(views: Sequence[ViewEvidence], limits: NoiseLimits, law: PhotonLaw | None) -> Session:
     """The session with its noise by amplitude, where a stated law holds, and whether exposures change, which matters beside such a law alone."""
     bins = binned(views, limits.bins, limits)
-    bins = bins if law is None else bins.of(law.holds(bins.amplitude))
-    bins = bins if law is None else as_captures_differ(bins, usual_ratio(bins, law))
+    if law is not None:
+        bins = bins.of(law.holds(bins.amplitude))
+        bins = as_captures_differ(bins, usual_ratio(bins, law))
     whole = wholly_averaged(bins, views[0].correlation)
     # Where an average takes in fewer neighbours, views of other contents differ in noise as those of other exposures do.
     compared = whole if len(whole.view) >= limits.least_bins else bins

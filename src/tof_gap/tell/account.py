@@ -91,8 +91,9 @@ class Account:
 
     def names(self, *, causes: bool) -> tuple[str, ...]:
         """Names for the verdict: causes and findings, that which changes depth most first; without `causes`, only findings not read off structure."""
-        size2 = {c.named.verdict: self.figures.added2(c.named.name) for c in self.causes if causes and not c.named.suspected}
-        size2 |= {f.name: self.figures.added2(f.name) for f in not_expected(self.findings) if causes or not f.structure}
+        added2 = self.figures.added2
+        size2 = {c.named.verdict: added2[c.named.name] for c in self.causes if causes and not c.named.suspected}
+        size2 |= {f.name: added2.get(f.name, 0.0) for f in not_expected(self.findings) if causes or not f.structure}
         return tuple(sorted(size2, key=lambda name: (-size2[name], name)))
 
     @property
@@ -142,7 +143,7 @@ def account(
     gap = _gap(counted, findings, list(counted.maps))
     causes = tuple(
         Cause(n, counted.shrink([n.name]), counted.shrink([m for m in counted.maps if m != n.name]).shrink, solved.sizes[n.name])
-        for n in sorted(solved.named, key=lambda n: -counted.added2(n.name))
+        for n in sorted(solved.named, key=lambda n: -counted.added2[n.name])
     )
     pushed, astray = arms_beyond_prior(solved, findings, config)
     return Account(solved, causes, findings, counted, gap, arms_tell and pushed, follows, sags, on_time and astray)

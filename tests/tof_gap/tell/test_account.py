@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -34,7 +35,7 @@ def account(shrink: float | None, **left_out: float | None) -> Account:
     gap = gap_of(shrink)
     causes = tuple(Cause(Named(name, (), (), (), 1.0), gap, without, 2e-3) for name, without in left_out.items())
     unused = cast("Any", None)
-    figures = cast("Any", SimpleNamespace(limits=ReportLimits(), added2=lambda name: SIZES2.get(name, 0.0)))
+    figures = cast("Any", SimpleNamespace(limits=ReportLimits(), added2=defaultdict(float, SIZES2)))
     return Account(unused, causes, (), figures, gap)
 
 

@@ -73,12 +73,10 @@ class _Jumps(NamedTuple):
 
 def _jumps(view: ViewEvidence, inner: Mask, limits: MissingLimits) -> _Jumps:
     """The large errors of the pixels `inner` (H, W)."""
-    at = view.gross & inner
-    at[at] = np.abs((view.residual * view.frame.length)[at]) > limits.turn_least_mm * 1e-3
-    apart = np.zeros(at.sum(), bool)
-    if view.view.captures > 1:
-        apart = (view.view.count[at] > 1) & (view.view.sigma[at] > APART * np.abs(view.residual[at]))
-    return _Jumps(view.view.captures, (view.residual * view.frame.length)[at], apart)
+    jump = view.residual * view.frame.length
+    at = view.gross & inner & (np.abs(jump) > limits.turn_least_mm * 1e-3)
+    apart = (view.view.count[at] > 1) & (view.view.sigma[at] > APART * np.abs(view.residual[at]))
+    return _Jumps(view.view.captures, jump[at], apart)
 
 
 def _common_size(sizes: Float, spread: float) -> float:

@@ -130,12 +130,12 @@ def noise_effects(
     fitted = None if dark else fit_law(b, step, limits)
     bright = brightness(views)
     changes = fitted is not None and exposed(b, fitted, limits, bright)
-    hit = (  # Noise of whole lines differs from view to view by itself.
+    hit = (
         None
-        if dark or patchy or {Interference.NAME, Noise.NAME} <= left_out or lines_found(views, limits)
+        if dark or patchy or {Interference.NAME, Noise.NAME} <= left_out
         else bursts(views, b, step, limits, bright if changes else None)
     )
-    if hit is not None:
+    if hit is not None and not lines_found(views, limits):  # Noise of whole lines differs from view to view by itself.
         return [] if hit.name in left_out else [hit]
     if Noise.NAME in left_out:
         return []
@@ -207,7 +207,7 @@ def _noisy_lines(views: Sequence[ViewEvidence], typical_m: float, least_m: float
     found = (line_noise(views, axis, limits.lines) for axis in (1, 0))
     over, lines = over_mean(views), limits.lines
     large = (of for of in found if of.sigma > lines.sigma and over * of.size_m > least)
-    return [of for of in large if over * max(of_all(views, of.axis, lines) for of_all in (shared_m, everywhere_m)) > lines.shared * least]
+    return [of for of in large if any(over * of_all(views, of.axis, lines) > lines.shared * least for of_all in (shared_m, everywhere_m))]
 
 
 def lines_found(views: Sequence[ViewEvidence], limits: NoiseLimits) -> list[LineNoise]:

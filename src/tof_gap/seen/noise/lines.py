@@ -92,7 +92,7 @@ def _in_common(views: Sequence[ViewEvidence], axis: int, limits: LineLimits, ste
 
 def _shared2(views: Sequence[ViewEvidence], axis: int, limits: LineLimits, step: int) -> float:
     """m^2: covariance, over views and lines, of the mean second differences of quarters of a line that are not adjacent."""
-    off, _ = _beside_mean(np.stack([_quarter_means(v, axis, limits, step) for v in views]), limits)
+    off = _quarters_off(views, axis, limits, step)
     seen = np.isfinite(off)
     cap2 = limits.most_ratio * float(np.median(off[seen] ** 2)) / CHI2_MEDIAN if seen.any() else 0.0
     products = np.concatenate([(off[:, one] * off[:, other]).ravel() for one, other in APART])
@@ -102,11 +102,16 @@ def _shared2(views: Sequence[ViewEvidence], axis: int, limits: LineLimits, step:
 
 def _everywhere2(views: Sequence[ViewEvidence], axis: int, limits: LineLimits, step: int) -> float:
     """m^2: usual square, over views and lines, of the mean second difference of the second least quarter, less that of white noise."""
-    off, _ = _beside_mean(np.stack([_quarter_means(v, axis, limits, step) for v in views]), limits)
+    off = _quarters_off(views, axis, limits, step)
     white = QUARTERS * np.stack([_line_means(v, axis, limits, step)[1] for v in views])
     second = np.sort(np.where(np.isfinite(off), np.square(off), np.inf), axis=1)[:, 1]
     seen = np.isfinite(white) & (np.isfinite(off).sum(axis=1) >= QUARTERS - 1)
     return float(np.median(second[seen]) / CHI2_MEDIAN - np.median(white[seen])) if seen.any() else 0.0
+
+
+def _quarters_off(views: Sequence[ViewEvidence], axis: int, limits: LineLimits, step: int) -> Float:
+    """(V, 4, L) mean second difference of each quarter of a line, less that of all views."""
+    return _beside_mean(np.stack([_quarter_means(v, axis, limits, step) for v in views]), limits)[0]
 
 
 def _quarter_means(view: ViewEvidence, axis: int, limits: LineLimits, step: int) -> Float:

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.solve.hypotheses.sheet_score import NEAREST_M, Rays, explained
+from tof_gap.solve.hypotheses.sheet_score import Rays, crossings, explained
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tof_core.arrays import Float, Ints, Mask
+    from tof_core.arrays import Float, Ints
 
 NORMALS = 24
 """Directions in which planes may face, evenly over half a sphere: some 30 degrees apart, of which `TURNS` find the rest."""
@@ -43,21 +43,12 @@ class Sheet:
         """Normal (3,), offset in metres and `across` (2, 3), as kernels take them."""
         return self.normal, self.offset_m, self.across
 
-    def crossed(self, origins: Float, points: Float) -> tuple[Mask, Float]:
-        """(n,) which rays from origins (n, 3) or (3,) to points (n, 3) cross the plane before their point, and where (crossing rays, 3), metres."""
-        way, before = points - origins, self.offset_m - origins @ self.normal
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = before / (way @ self.normal)
-        seen = (share > 0.0) & (share < 1.0)
-        seen[seen] = share[seen] ** 2 * np.einsum("ni,ni->n", way[seen], way[seen]) > NEAREST_M**2
-        return seen, np.broadcast_to(origins, points.shape)[seen] + share[seen, None] * way[seen]
-
     def crossings(self, origins: Float, points: Float) -> Float:
-        """(n, 3) metres: where rays cross the plane (`crossed`); NaN where they do not."""
-        seen, where = self.crossed(origins, points)
-        out = np.full(points.shape, np.nan)
-        out[seen] = where
-        return out
+        """(n, 3) metres: where rays from origins (n, 3) or (3,) to points (n, 3) cross the plane before their point; NaN where they do not."""
+        # One origin for all rays stays read-only where it is broadcast, and a kernel is compiled again for read-only arrays.
+        return np.asarray(
+            crossings(np.require(np.broadcast_to(origins, points.shape), np.float64, ["C", "W"]), points, self.normal, self.offset_m)
+        )
 
     def turned(self, about: Float, turn: Float, shift_m: float) -> Sheet:
         """The plane turned by a small rotation vector (3,) about the point `about` (3,), and shifted along its normal."""
@@ -92,10 +83,11 @@ def _refined(rays: Rays, sheet: Sheet, folds: int, k: int) -> Sheet:
     pairs = np.array([(k, j) for j in range(folds) if j != k]).reshape(-1, 2)
     best = float(explained(rays, *sheet.axes, pairs, folds)[k])
     for turn in np.repeat(TURNS, ROUNDS):
-        _, crossing = sheet.crossed(rays.origin, rays.point)
-        if not len(crossing):
+        crossing = sheet.crossings(rays.origin, rays.point)
+        crossed = np.isfinite(crossing[:, 0])
+        if not crossed.any():
             return sheet
-        about = crossing.mean(axis=0)
+        about = crossing[crossed].mean(axis=0)
         moves = [(sign * turn * axis, 0.0) for axis in sheet.across for sign in (1.0, -1.0)] + [
             (np.zeros(3), sign * turn / 3.0) for sign in (1.0, -1.0)
         ]

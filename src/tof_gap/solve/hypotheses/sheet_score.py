@@ -51,7 +51,7 @@ def explained(rays: Rays, normal: Float, offset_m: float, across: Float, pairs: 
         pairs: (p, 2) the folds that the rest is without.
         folds: how many there are.
     """
-    square, many = _squares(rays.origin, rays.point, normal, offset_m, across)
+    square, many = _squares(crossings(rays.origin, rays.point, normal, offset_m), across)
     weights, sums = np.zeros((folds, many)), np.zeros((folds, many))
     for i in range(len(square)):
         weights[rays.fold[i], square[i]] += rays.weight[i]
@@ -71,31 +71,34 @@ def explained(rays: Rays, normal: Float, offset_m: float, across: Float, pairs: 
 
 
 @njit(cache=True, nogil=True)
-def _squares(origin: Float, point: Float, normal: Float, offset_m: float, across: Float) -> tuple[Ints, int]:
-    """(n,) the square of the plane that each ray crosses, and how many there are; rays that do not cross the plane are square 0."""
-    at, seen, some = np.zeros((len(origin), 2), np.int64), np.zeros(len(origin), np.bool_), False
-    low, high = np.zeros(2, np.int64), np.zeros(2, np.int64)
-    n, (u, v) = normal, across
+def crossings(origin: Float, point: Float, normal: Float, offset_m: float) -> Float:
+    """(n, 3) metres: where rays cross the plane before their point; NaN where they do not."""
+    out, n = np.full((len(origin), 3), np.nan), normal
     for i in range(len(origin)):
         x, y, z = origin[i, 0], origin[i, 1], origin[i, 2]
         dx, dy, dz = point[i, 0] - x, point[i, 1] - y, point[i, 2] - z
         along = dx * n[0] + dy * n[1] + dz * n[2]
         share = (offset_m - (x * n[0] + y * n[1] + z * n[2])) / along if along != 0.0 else np.inf
         if 0.0 < share < 1.0 and share**2 * (dx * dx + dy * dy + dz * dz) > NEAREST_M**2:
-            x, y, z = x + share * dx, y + share * dy, z + share * dz
-            at[i, 0] = np.floor((x * u[0] + y * u[1] + z * u[2]) / SIDE_M)
-            at[i, 1] = np.floor((x * v[0] + y * v[1] + z * v[2]) / SIDE_M)
-            for axis in range(2):
-                low[axis] = min(low[axis], at[i, axis]) if some else at[i, axis]
-                high[axis] = max(high[axis], at[i, axis]) if some else at[i, axis]
-            seen[i] = some = True
-    square, (rows, columns) = np.zeros(len(origin), np.int64), high - low + 1
-    if not some:
+            out[i, 0], out[i, 1], out[i, 2] = x + share * dx, y + share * dy, z + share * dz
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _squares(where: Float, across: Float) -> tuple[Ints, int]:
+    """(n,) the square of the plane at each crossing (n, 3), and how many there are; rays that do not cross the plane (NaN) are square 0."""
+    crossed, (u, v) = np.flatnonzero(np.isfinite(where[:, 0])), across
+    square, at = np.zeros(len(where), np.int64), np.zeros((len(crossed), 2), np.int64)
+    if not len(crossed):
         return square, 1
-    for i in range(len(origin)):
-        if seen[i]:
-            square[i] = 1 + (at[i, 0] - low[0]) * columns + at[i, 1] - low[1]
-    return square, 1 + rows * columns
+    for k, i in enumerate(crossed):
+        x, y, z = where[i, 0], where[i, 1], where[i, 2]
+        at[k, 0] = np.floor((x * u[0] + y * u[1] + z * u[2]) / SIDE_M)
+        at[k, 1] = np.floor((x * v[0] + y * v[1] + z * v[2]) / SIDE_M)
+    row, column = at[:, 0] - at[:, 0].min(), at[:, 1] - at[:, 1].min()
+    columns = column.max() + 1
+    square[crossed] = 1 + row * columns + column
+    return square, 1 + (row.max() + 1) * columns
 
 
 @njit(cache=True, nogil=True)

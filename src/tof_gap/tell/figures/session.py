@@ -68,9 +68,10 @@ class Figures:
         zero = np.zeros(self.residual[view].shape)
         return np.asarray(np.sum([zero, *(np.nan_to_num(self.maps[n][view]) for n in names)], axis=0))
 
-    def added2(self, name: str) -> float:
-        """m^2: mean square of what a named effect adds to depth; 0 of an effect that changes no mean depth."""
-        return float(np.mean([np.mean(np.square(np.nan_to_num(m))) for m in self.maps[name]])) if name in self.maps else 0.0
+    @cached_property
+    def added2(self) -> dict[str, float]:
+        """m^2: mean square of what each named effect adds to depth; without effects that change no mean depth."""
+        return {name: float(np.mean([np.mean(np.square(np.nan_to_num(m))) for m in maps])) for name, maps in self.maps.items()}
 
     def left(self, views: Sequence[int] | None = None) -> list[Float]:
         """(H, W) metres per view that no named effect explains; of these views, None for all."""
