@@ -53,6 +53,12 @@ def test_a_smooth_shift_of_another_lens_is_no_rounding() -> None:
     assert ray_shift(seen(np.stack([0.5 + x, 0.5 - y], axis=-1))) is None
 
 
+def test_a_fixed_pattern_is_no_rounding_although_it_resembles_one_on_like_slants() -> None:
+    offset = 0.004 * np.repeat(np.random.default_rng(5).normal(size=(SHAPE[0], SHAPE[1] // 4 + 1)), 4, axis=1)[:, : SHAPE[1]]
+    extra = offset + np.random.default_rng(4).normal(0, NOISE_M, (VIEWS, *SHAPE))
+    assert ray_shift(views(np.random.default_rng(2), extra, photons=False)) is None
+
+
 def test_a_camera_with_distortion_publishes_its_own_image_and_few_views_show_nothing() -> None:
     evidence = seen(rounded())
     bent = replace(CAMERA, distortion=(-0.2, 0.0, 0.0, 0.0, 0.0))
