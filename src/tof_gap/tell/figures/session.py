@@ -99,7 +99,7 @@ class Figures:
         return replace(measure(held_out, self.rng, self.limits.shrink, unsure2), off_edges_mm=self._off_edges_mm(before, after, floors))
 
     def _off_edges_mm(self, before: Sequence[Float], after: Sequence[Float], floors: Sequence[Float]) -> tuple[float, float] | None:
-        """RMS in mm above the noise, before and after, of the held-out pixels that neither lie at edges nor wrap; None where these do not count.
+        """RMS in mm above the noise, before and after, of the held-out pixels that neither lie at edges nor wrap; None where these do not count, or no other pixel is left.
 
         before, after: (H, W) metres per held-out view; floors: m^2.
         """
@@ -107,7 +107,8 @@ class Figures:
         if not few:
             return None
         away = away_from_edges([np.any([of[v] for of in few], axis=0) for v in self.held], before)
-        return blocks(away, after, floors, self.limits.block_px).above_mm
+        held_out = blocks(away, after, floors, self.limits.block_px)
+        return held_out.above_mm if held_out.n.any() else None
 
     @cached_property
     def floors_shown(self) -> list[Float]:

@@ -142,6 +142,12 @@ def test_where_wrapped_pixels_count_the_gap_without_them_is_stated_beside_it() -
     assert both.above_mm(both.before) == pytest.approx(2004 * np.sqrt(wrapped.mean()), rel=0.01)
 
 
+def test_where_every_pixel_wraps_there_is_no_gap_without_them() -> None:
+    wrap = np.full(SHAPE, 2.0)
+    made = of([wrap], maps={"phase_wrap": [wrap]}, gross=[np.ones(SHAPE, bool)])
+    assert made.shrink(["phase_wrap"]).off_edges_mm is None
+
+
 def test_edges_that_measure_between_their_two_surfaces_or_wrap_are_mixed() -> None:
     (view, *_) = views(np.random.default_rng(1))
     middle = SHAPE[1] // 2
