@@ -31,3 +31,5 @@ class Reason(IntEnum):
     """On an object that differs from the CAD: at a missing part, on a foreign object."""
     OUT_OF_FIELD = 13
     """Outside of the field that the camera lights: no depth in any view of a session."""
+    BETWEEN_POINTS = 14
+    """Between the points of a depth image that a driver registered to a camera of more pixels, and left unfilled."""

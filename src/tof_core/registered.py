@@ -3,7 +3,8 @@
 
 A driver moves each point of the depth camera to a pixel of the other camera, to the nearest whole one, and keeps the nearest of several
 points. So depth on a slope is off by up to half of its step from pixel to pixel, an error that neighbours share. Where the other camera
-has more pixels, points are copied to several of them, and the nearest of these copies make the slope too near.
+has more pixels, points are copied to several of them, and the nearest of these copies make the slope too near; or no point falls on some of
+them, which are holes in lines one pixel wide.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core.registered_holes import holed
 from tof_core.shares import in_percent
 from tof_core.topics import is_registered
 
@@ -39,9 +41,10 @@ def registered(depths: Sequence[Image], topic: str) -> str:
     if topic and is_registered(topic):
         return f"By the name of its topic, {topic}, depth is registered to another camera"
     share = float(np.median([copied(z) for z in depths])) if depths else 0.0
-    if share < COPIES:
-        return ""
-    return f"Depth is registered to another camera: {in_percent(share)} of neighbouring pixels are copies of each other"
+    if share >= COPIES:
+        return f"Depth is registered to another camera: {in_percent(share)} of neighbouring pixels are copies of each other"
+    share = holed([np.isfinite(z) for z in depths])
+    return f"Depth is registered to another camera: {in_percent(share)} of the pixels are holes in lines one pixel wide" if share else ""
 
 
 def copied(depth: Image) -> float:

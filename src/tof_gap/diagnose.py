@@ -12,6 +12,7 @@ import numpy as np
 from tof_align.folds import deal
 from tof_core.errors import RefusedError
 from tof_core.memory import give_back
+from tof_gap.seen.evidence.between_points import HIDDEN, between_points, hides_loss
 from tof_gap.seen.evidence.field import within_field
 from tof_gap.seen.evidence.residual import less
 from tof_gap.seen.noise.own_law import own_law
@@ -33,6 +34,7 @@ from tof_gap.tell.objects import unexplained_objects
 from tof_gap.tell.report.absent import absent
 from tof_gap.tell.unexplained import look
 from tof_scene.world.words import described
+from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.motion import Motion
@@ -90,7 +92,7 @@ def diagnose(
     left_out = left_out | untestable.keys() | {f.name for f in given}
     few, rng = len(views) < config.solve.views, np.random.default_rng(config.evidence.seed)
     progress(FIRST)
-    begun, along_ray = gate(within_field(views), caster, config, align, asked=RadialDepth.NAME not in left_out)
+    begun, along_ray = gate(within_field(between_points(views)), caster, config, align, asked=RadialDepth.NAME not in left_out)
     check_enough(views, along_ray, config.solve.views)
     recorded, (world, begun) = begun.views, set_apart(begun, caster, config, align)
     begun = as_rectified(begun, caster, config)
@@ -166,9 +168,11 @@ def untested(found: Account, config: GapConfig, law: PhotonLaw | None, left_out:
         FlyingPixels.NAME: "motion mixes edges by itself: record at rest",
         HAND_EYE: "motion shifts what poses are known by: record at rest",
     }
-    reasons = not_testable(found.solved.bare, config.noise, law, config.stated_mhz, left_out) | (
-        beside_motion if found.solved.names(Motion.NAME) else {}
-    )
+    reasons = not_testable(found.solved.bare, config.noise, law, config.stated_mhz, left_out)
+    if found.solved.names(Motion.NAME):
+        reasons |= beside_motion
+    if hides_loss(found.solved.bare):
+        reasons |= {Dropout.NAME: HIDDEN}
     shown = {*found.names(causes=True), *left_out}
     return {name: reason for name, reason in reasons.items() if name not in shown}
 

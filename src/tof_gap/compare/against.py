@@ -220,11 +220,7 @@ def _levels(
     # A camera that merges its frequencies badly is noisier, too: that noise is no effect of its own, in a diagnosis as here.
     merges = all(d.effect != PhaseWrap.NAME for d in out)
     noise = noise_apart(pair, simulated, limits, known, seen) if merges else None
-    if (
-        noise is not None
-        and noise[1].effect not in {d.effect for d in out}
-        and not made_by(noise[1], pair.real, simulated, [*biases, *out])
-    ):
+    if noise is not None and noise[1].effect not in {d.effect for d in out} and not made_by(noise[1], pair, simulated, [*biases, *out]):
         of, level = noise
         out.append(_difference(level, f"{level.real:.2f} mm real, {level.simulated:.2f} mm simulated {of}in one capture", in_mm=True))
     if mixing is not None and mixes:

@@ -99,10 +99,14 @@ class Pair:
         return rendered_bias(effect, view, v, real.account.solved.chain, caster, other_m)
 
     @property
+    def light(self) -> float:
+        """Amplitude of one albedo in the simulator's session, over that in the camera's."""
+        return self.simulator.gain / self.camera.gain if self.simulator.gain and self.camera.gain else 1.0
+
+    @property
     def unit(self) -> float:
         """The simulator's unit of amplitude over the camera's: 1 where stated albedos are too uncertain to tell them apart."""
-        ratio = self.simulator.gain / self.camera.gain if self.simulator.gain and self.camera.gain else 1.0
-        return 1.0 if 1 / self.limits.unit < ratio < self.limits.unit else ratio
+        return 1.0 if 1 / self.limits.unit < self.light < self.limits.unit else self.light
 
     def _in_simulators_unit(self, frame: Frame) -> Frame:
         """A real frame with the amplitude that the simulator's camera would have."""

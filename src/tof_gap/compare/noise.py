@@ -21,6 +21,7 @@ from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.effects.quantization import Quantization
+from tof_sensor.effects.wiggling import Wiggling
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -243,13 +244,25 @@ def _excess_mm(noise: Level) -> float:
     return float(np.sqrt(abs(noise.real**2 - noise.simulated**2)))
 
 
-def made_by(noise: Level, real: Diagnosis, simulated: Diagnosis, differences: Sequence[Difference]) -> bool:
-    """Whether more noise is what more fixed pattern or coarser steps make.
+def made_by(noise: Level, pair: Pair, simulated: Diagnosis, differences: Sequence[Difference]) -> bool:
+    """Whether more noise is what more fixed pattern, coarser steps, or a weaker modulation of the light make.
 
     The camera's filters change the offsets of pixels from view to view: what a map of the pattern misses grows with the pattern. Coarse
     steps make contours, and another camera's light is noise as well. The diagnosis of the noisier session decides whether it has noise besides.
     """
-    noisier = real if noise.real > noise.simulated else simulated
-    more = [d for d in differences if d.effect in MAKE_NOISE and (d.real_mm > d.simulated_mm) == (noisier is real)]
+    of_real = noise.real > noise.simulated
+    noisier = pair.real if of_real else simulated
+    more = {d.effect for d in differences if (d.real_mm > d.simulated_mm) == of_real}
     own = [f.name for f in noisier.findings if f.effect.EVIDENCE is Evidence.NOISE and f.name not in MAKE_NOISE]
-    return bool(more) and not own
+    return (bool(more & MAKE_NOISE) and not own) or (Wiggling.NAME in more and _of_weak_modulation(noise, pair.light))
+
+
+def _of_weak_modulation(noise: Level, light: float) -> bool:
+    """Whether the noisier camera has less amplitude of the same albedo, by a ratio no less than that of the noise.
+
+    A pulse that is too long, or a driver that is too slow, weakens the modulation beside its error over range. As much light returns,
+    with its photon noise, and the amplitude falls: the noise of the phase grows by the inverse ratio, and by less over a photon law.
+    light: amplitude of one albedo in the simulator, over that of the camera.
+    """
+    more, dimmer = (1.0 / noise.ratio, light) if noise.real > noise.simulated else (noise.ratio, 1.0 / light)
+    return more <= dimmer

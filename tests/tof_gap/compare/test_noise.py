@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -12,6 +13,8 @@ import pytest
 from tests.tof_gap.diagnosed import compared, diagnosis, only
 from tests.tof_gap.quiet_views import SHAPE, views
 from tof_gap.compare.difference import LACKS, STRONG, WEAK
+from tof_gap.compare.levels import Level
+from tof_gap.compare.noise import made_by
 from tof_sensor.effects.photon_law import PhotonLaw
 
 if TYPE_CHECKING:
@@ -70,3 +73,32 @@ def test_noise_of_two_bags_without_amplitude_images_shares_the_law_of_the_albedo
     dark = tuple(replace(v, view=replace(v.view, amplitude=None)) for v in evidence)
     found = compared(diagnosis(dark), diagnosis(tuple(replace(v, sigma=2.0 * v.sigma) for v in dark)))
     assert (found.verdict, only(found).simulator, found.not_testable) == (("noise",), STRONG, {})
+
+
+@pytest.mark.parametrize(
+    ("noise_mm", "wave_mm", "light", "made"),
+    [
+        ((1.67, 2.65), (0.0, 3.8), 0.56, True),
+        ((3.61, 2.11), (4.7, 0.0), 2.0, True),
+        ((1.67, 2.65), (0.0, 3.8), 0.7, False),
+        ((1.67, 2.65), (0.0, 3.8), 1.8, False),
+        ((2.65, 1.67), (0.0, 3.8), 0.56, False),
+    ],
+    ids=[
+        "simulator's wave",
+        "camera's wave",
+        "noise grows by more than amplitude falls",
+        "noisier and brighter",
+        "noisier without the wave",
+    ],
+)
+def test_a_wave_whose_camera_has_less_amplitude_makes_as_much_more_noise(
+    noise_mm: tuple[float, float], wave_mm: tuple[float, float], light: float, *, made: bool
+) -> None:
+    """A lamp that is on for too long weakens the modulation of its light: less amplitude, and noise in proportion."""
+    noise = Level("noise", *noise_mm, {}, (True, True))
+    wave = cast("Any", SimpleNamespace(effect="wiggling", real_mm=wave_mm[0], simulated_mm=wave_mm[1]))
+    session = cast("Any", SimpleNamespace(findings=()))
+    pair = cast("Any", SimpleNamespace(real=session, light=light))
+    assert made_by(noise, pair, session, [wave]) is made
+    assert not made_by(noise, pair, session, []), "without a wave, amplitude says nothing about noise"

@@ -131,7 +131,7 @@ def _solved(sums: Sums) -> Float:
 
 def _offsets(sums: Offsets) -> Float:
     """(H, W) metres along the ray: the offset by sums (H, W), shared by neighbours as a shift is."""
-    return _shared(sums.ae) / (_shared(sums.aa) + SD_M**-2.0)
+    return np.asarray(_shared(sums.ae) / (_shared(sums.aa) + SD_M**-2.0))
 
 
 def _shared(sums: Float) -> Float:

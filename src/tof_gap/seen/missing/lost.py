@@ -12,6 +12,7 @@ from scipy.ndimage import binary_dilation, binary_fill_holes, label, uniform_fil
 
 from tof_core.reasons import Reason
 from tof_core.stats import joined
+from tof_gap.seen.evidence.between_points import hides_loss
 from tof_gap.seen.evidence.residual import single
 from tof_gap.seen.finding import LOSS_CONFIDENT, Finding
 from tof_gap.seen.missing.loss import STRICT, GoesWith, curve, loss_of
@@ -44,9 +45,13 @@ to 13 times the median (12 sessions of two authors), and from 1 to 0.5 m light g
 def expected(view: ViewEvidence, limits: MissingLimits) -> Mask:
     """(H, W) pixels that should return light: on the CAD, not at grazing incidence, away from edges and from steps of a fixed pattern.
 
-    Nor beside missing parts and foreign objects, which were taken out, nor at the border of the camera's field: their outlines are edges too. A lamp beside the lens casts a shadow
-    beside an edge: some pixels wide, or many by near surfaces. A filter in the camera mistakes steps of the pattern for edges.
+    None where no point of a registered image falls on some pixels: its holes move from capture to capture, and hide the camera's own loss. Nor
+    beside missing parts and foreign objects, which were taken out, nor at the border of the camera's field: their outlines are edges too. A
+    lamp beside the lens casts a shadow beside an edge: some pixels wide, or many by near surfaces. A filter in the camera mistakes steps of
+    the pattern for edges.
     """
+    if hides_loss([view]):
+        return np.zeros_like(view.edge)
     grazing = view.rendering.incidence > np.radians(limits.lost_grazing_deg)
     edge = view.edge | not_judged(view)
     beside = binary_dilation(edge, iterations=limits.edge_reach_px) if limits.edge_reach_px else edge

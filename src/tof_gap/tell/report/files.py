@@ -172,7 +172,7 @@ def _missing(d: Diagnosis) -> dict[str, float]:
 
 def without_depth(d: Diagnosis) -> float:
     """Share of CAD pixels without depth, mean of the views; of those within the camera's field (`seen.evidence.field`)."""
-    inside = [v.frame.valid & (v.view.reason != Reason.OUT_OF_FIELD) for v in d.evidence]
+    inside = [v.frame.valid & ~np.isin(v.view.reason, (Reason.OUT_OF_FIELD, Reason.BETWEEN_POINTS)) for v in d.evidence]
     return float(np.mean([np.mean(~v.view.valid[i]) for v, i in zip(d.evidence, inside, strict=True) if i.any()]))
 
 
