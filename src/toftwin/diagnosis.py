@@ -85,7 +85,8 @@ def diagnose_bag(
 
 def notes_on(views: Sequence[View], topic: str) -> tuple[Note, ...]:
     """What matters to the verdict about the depth of a recording and its topic."""
-    why = registered([v.depth for v in views], topic)
+    single = [v for v in views if v.captures == 1] or views  # The mean of captures between which the robot sways has hardly a copy.
+    why = registered([v.depth for v in single], topic, [v.amplitude for v in single])
     return (Note(f"{why}. {WHAT}.", f"{REMEDY.capitalize()}."),) if why else ()
 
 

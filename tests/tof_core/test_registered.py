@@ -30,6 +30,15 @@ def test_neighbours_of_the_same_code_are_no_copies() -> None:
     assert copied((np.rint(1e3 * COPIES) / 1e3).astype(np.float32)) == 0.0
 
 
+def test_neighbours_of_the_same_code_are_copies_where_they_have_the_same_amplitude() -> None:
+    code = (np.rint(1e3 * COPIES) / 1e3).astype(np.float32)
+    light = np.random.default_rng(2).integers(500, 4000, OWN.shape).astype(np.float32)
+    assert copied(code, np.repeat(np.repeat(light, 2, axis=0), 2, axis=1)) == pytest.approx(0.5, abs=0.06)
+    assert copied((np.rint(1e3 * OWN) / 1e3).astype(np.float32), light) < 0.001
+    assert copied(code, np.full(code.shape, 7.0, np.float32)) == 0.0, "of an amplitude in coarse codes neighbours are alike by rounding"
+    assert "copies of each other" in registered([code], "/depth/hand/image", [np.repeat(np.repeat(light, 2, axis=0), 2, axis=1)])
+
+
 def test_a_surface_square_to_a_camera_without_noise_has_no_copies() -> None:
     assert copied(np.broadcast_to(np.float32(1.0003), (60, 80))) == 0.0
     assert copied(np.broadcast_to(np.linspace(1.0003, 2.0, 60, dtype=np.float32)[:, None], (60, 80))) == 0.0

@@ -207,6 +207,20 @@ def test_without_a_law_or_an_amplitude_image_the_reason_is_given() -> None:
     assert steps.startswith("noise grows with the steps of the fixed pattern")
 
 
+@pytest.mark.parametrize(
+    ("darkest", "reason"),
+    [
+        (0.0, "the views share too few amplitudes away from edges to compare their noise with the photon law in --sensor"),
+        (900.0, "the photon law in --sensor was measured at amplitudes from 900 on, and hardly a surface is as bright here"),
+    ],
+)
+def test_where_few_amplitudes_can_be_compared_the_reason_is_the_law_or_the_views(darkest: float, reason: str) -> None:
+    few = session(0.0, law=replace(LAW, darkest=darkest))
+    bins = few.noise
+    assert bins is not None
+    assert Ambient.not_testable(replace(few, noise=bins.of(np.arange(len(bins.view)) < 11))) == reason
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("no_page")
 def test_a_session_under_foreign_light_is_named_by_the_law_of_one_without_it(tmp_path: Path) -> None:

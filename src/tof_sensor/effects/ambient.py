@@ -147,7 +147,9 @@ class Ambient(Effect):
         if session.law is None:
             return "no noise to compare with: pass --sensor with the sensor.yaml of a session of this camera without ambient light"
         if session.noise is not None and len(session.noise.view) < LEAST_BINS:
-            return f"the photon law in --sensor was measured at amplitudes from {session.law.darkest:.3g} on, and hardly a surface is as bright here"
+            if session.law.darkest > 0.0:
+                return f"the photon law in --sensor was measured at amplitudes from {session.law.darkest:.3g} on, and hardly a surface is as bright here"
+            return "the views share too few amplitudes away from edges to compare their noise with the photon law in --sensor"
         found = None if session.averages else _compared(session)
         if found is None or found.less + found.light < LEAST_EXCESS or found.is_light:
             return ""
