@@ -76,7 +76,8 @@ def _examine(recording: Recording, scene: Scene | None, initial_pose: str | None
     if camera is None:
         return
     source = streams[topics.depth or topics.points]
-    yield from examine_frames(source.kept, topics, camera, recording.options)
+    lights = streams[topics.amplitude].kept if topics.amplitude else ()
+    yield from examine_frames(source.kept, topics, camera, recording.options, lights)
     frame = _camera_frame(recording, topics) or camera.frame_id
     placed = parse_placement(initial_pose, frame) or (scene.placed_in if scene else None)
     chain = list(examine_chain(recording.transforms, frame, source.stamps, recording.options, scene.frame if scene else "", placed))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tof_core.decode import check_size, decode_depth, depth_from_points, pixels
+from tof_core.decode import check_size, decode_amplitude, decode_depth, depth_from_points, pixels, stamp_ns
 from tof_core.errors import ToftwinError
 from tof_core.flat.radial import radial_evidence
 from tof_core.flat.wide_plane import wide_bend
@@ -33,10 +33,13 @@ ASKED = 4
 SURE = 0.99
 
 
-def examine_frames(messages: Sequence[Any], topics: Topics, camera: Camera, options: BagOptions) -> Iterator[Finding]:
-    """Findings about the depth frames sampled from a recording."""
+def examine_frames(
+    messages: Sequence[Any], topics: Topics, camera: Camera, options: BagOptions, lights: Sequence[Any] = ()
+) -> Iterator[Finding]:
+    """Findings about the depth frames sampled from a recording; lights: amplitude images sampled from it."""
     try:
         decoded = [_decoded(m, topics, camera, options) for m in messages]
+        amplitudes = _beside(messages, lights, topics.amplitude) if topics.depth else []
     except ToftwinError as error:
         yield refused(CHECK, error)
         return
@@ -45,10 +48,18 @@ def examine_frames(messages: Sequence[Any], topics: Topics, camera: Camera, opti
         yield from one_byte(messages)
     yield codes(reasons)
     yield from distances(np.stack(depths), options)
-    if why := registered(depths, topics.depth):
+    if why := registered(depths, topics.depth, amplitudes):
         yield note(CHECK, f"{why}. {WHAT}", REMEDY)
     if options.depth == "z":
         yield radial(depths, camera)
+
+
+def _beside(messages: Sequence[Any], lights: Sequence[Any], topic: str) -> list[Image | None]:
+    """The amplitude image (H, W) of the stamp and the size of each depth message, None where there is none."""
+    of_stamp = {stamp_ns(light): light for light in lights}
+    found = (of_stamp.get(stamp_ns(m)) for m in messages) if lights else (None for _ in messages)
+    amplitudes = [None if light is None else decode_amplitude(light, topic) for light in found]
+    return [a if a is not None and a.shape == pixels(m).shape else None for a, m in zip(amplitudes, messages, strict=True)]
 
 
 def _decoded(message: Any, topics: Topics, camera: Camera, options: BagOptions) -> tuple[Image, Bytes]:

@@ -49,5 +49,27 @@ def test_registered_depth_is_a_note_that_says_what_to_record(depth: np.ndarray, 
     assert "record the depth camera's own image" in line
 
 
+def test_copies_of_depth_in_whole_millimetres_are_known_by_the_amplitude_of_the_same_stamp() -> None:
+    coded = np.rint(1e3 * np.repeat(np.repeat(noisy((30, 40)), 2, axis=0), 2, axis=1)).astype(np.uint16)
+    light = np.repeat(np.repeat(np.random.default_rng(2).integers(500, 4000, (30, 40)), 2, axis=0), 2, axis=1).astype(np.uint16)
+
+    def of(image: np.ndarray, encoding: str, second: int) -> Any:
+        header = SimpleNamespace(stamp=SimpleNamespace(sec=second, nanosec=0))
+        height, width = image.shape
+        return SimpleNamespace(
+            header=header, height=height, width=width, encoding=encoding, is_bigendian=0, step=2 * width, data=image.tobytes()
+        )
+
+    def noted(second: int) -> list[str]:
+        topics = Topics(depth="/depth/hand/image", amplitude="/depth/hand/amplitude")
+        lights = [of(light, "mono16", second)]
+        found = examine_frames([of(coded, "16UC1", 7)], topics, CAMERA, BagOptions(depth="radial"), lights)
+        return [f.line() for f in found if f.level is Level.NOTE]
+
+    (line,) = noted(7)
+    assert "of neighbouring pixels are copies of each other" in line
+    assert noted(8) == []
+
+
 def test_the_camera_s_own_depth_is_no_note() -> None:
     assert notes(noisy(CAMERA.shape), "/depth/hand/image") == []
