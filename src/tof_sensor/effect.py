@@ -69,30 +69,25 @@ class Detection:
 class Effect(ABC):
     """Base of all effects; each is a frozen dataclass whose fields are its parameters.
 
-    `LINEAR` names the fields in which the bias is linear (all others are its *shape*):
-    bias = columns(frame) @ coefficients, in metres along z, to first order. An effect that adds noise or
-    loses pixels overrides `apply` instead. Parameters carry units and plausible bounds
+    `LINEAR` names the fields in which the bias is linear (all others are its *shape*): bias = columns(frame) @ coefficients, in metres along
+    z, to first order. An effect that adds noise or loses pixels overrides `apply` instead. Parameters carry units and plausible bounds
     (`tof_core.config.param`). The registry finds every effect of `tof_sensor.effects` by itself.
     """
 
     __slots__ = ()
 
     NAME: ClassVar[str]
-    ORDER: ClassVar[int]
-    """Unique rank in physical order: part 0, pose 10, light 30, pixel 50, noise 70, output from 80."""
+    ORDER: ClassVar[int]  # Unique rank in physical order: part 0, pose 10, light 30, pixel 50, noise 70, output from 80.
     MEANING: ClassVar[str]  # The effect in a plant engineer's words, for the report.
     REMEDY: ClassVar[str] = ""  # What a plant does about the effect, for the report.
     SEPARATED_BY: ClassVar[str] = "a reference of known distance"  # What else separates it, where no capture of `ACTIONS` does.
     ACTIONS: ClassVar[tuple[Action, ...]] = ()  # Captures in which the effect changes differently from similar ones.
     EVIDENCE: ClassVar[Evidence] = Evidence.BIAS
     LINEAR: ClassVar[tuple[str, ...]] = ()
-    OWN: ClassVar[tuple[str, ...]] = ()
-    """Members of `LINEAR` that define the effect; without them it is another one, such as an offset or late stamps."""
-    LOCAL: ClassVar[bool] = True
-    """Whether the bias of a pixel depends on this pixel alone, so that `Frame.take` may thin the view."""
+    OWN: ClassVar[tuple[str, ...]] = ()  # Members of `LINEAR` that define the effect; without them it is another one, such as an offset.
+    LOCAL: ClassVar[bool] = True  # Whether the bias of a pixel depends on this pixel alone, so that `Frame.take` may thin the view.
     ROUGH: ClassVar[float] = 0.0  # Relative error of its map, as a share of energy, if only a coarse model of it can be computed.
-    LACKS: ClassVar[float] = 0.0
-    """Share of its energy along another effect that its map may lack; another effect is accepted beside it only if it explains more."""
+    LACKS: ClassVar[float] = 0.0  # Share of its energy along another effect that its map may lack: an effect beside it explains more.
     LACKS_ON_A_PART: ClassVar[float] = 0.0  # The same along an effect of a single part.
     EXACT: ClassVar[bool] = False  # Whether its map is exact, since it models neither light nor surfaces: residuals are no error of it.
     IN_IMAGE: ClassVar[bool] = False  # Whether its map is the same in all views: what it leaves resembles no effect of range or light.
@@ -107,6 +102,11 @@ class Effect(ABC):
     FINER: ClassVar[tuple[Finer, ...]] = ()  # Passes of the search around its best form, in turn.
     REACH_M: ClassVar[float] = 0.05  # Prior standard deviation of a coefficient, as RMS of its column over the session, metres.
     COEFFICIENTS: ClassVar[tuple[str, ...]] = ()  # Names of the coefficients where they are not those of `LINEAR`.
+
+    @property
+    def rough(self) -> float:
+        """Relative error of this effect's map, as a share of energy: `ROUGH`, unless its parameters say more."""
+        return self.ROUGH
 
     @property
     def coefficients(self) -> Float:

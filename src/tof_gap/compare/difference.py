@@ -109,7 +109,7 @@ class Apart(NamedTuple):
 
     difference: of the difference of the coefficients; real, simulated: of the effect in either session; both: their product;
     share: of the chi-square of all differences that this one explains; differs: whether the sessions contradict its equality; of_maps:
-    that errors of the other effects' maps may make (`Effect.ROUGH`): of one such effect, each session's views show other errors.
+    that errors of the other effects' maps may make (`Effect.rough`): of one such effect, each session's views show other errors.
     """
 
     difference: float

@@ -187,8 +187,8 @@ def apart(sides: Sequence[Diagnosis], union: Sequence[Member], gain: float) -> d
     added = scale * np.concatenate([c if m.known else np.zeros(len(c)) for m, c in zip(union, sizes, strict=True)])
     group = np.repeat([m.group for m in union], [len(c) for c in sizes])
     found = freed(Fitted(real.theta + added, real.cov), Fitted(simulated.theta + added, simulated.cov), group, gain)
-    coarse = {m.group: m.effect.ROUGH * max(found[m.group].real, found[m.group].simulated) for m in union}
-    return {name: a._replace(of_maps=max((c for other, c in coarse.items() if other != name), default=0.0)) for name, a in found.items()}
+    coarse = [(m.group, m.effect.rough * max(found[m.group].real, found[m.group].simulated)) for m in union]
+    return {name: a._replace(of_maps=max((c for other, c in coarse if other != name), default=0.0)) for name, a in found.items()}
 
 
 def freed(real: Fitted, simulated: Fitted, group: Sequence[str] | Mask, gain: float) -> dict[str, Apart]:

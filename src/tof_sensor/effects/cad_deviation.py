@@ -93,6 +93,14 @@ class CadDeviation(FieldEffect):
         """Yes: its part."""
         return True
 
+    @property
+    def rough(self) -> float:
+        """That of the share of the deviation that is a bend: the map of a part that is only moved and turned is exact."""
+        values = np.asarray(self.values, float)
+        rigid2 = float(values[:3] @ values[:3] + self.half_size_m**2 * (values[3:RIGID] @ values[3:RIGID]))
+        bent2 = float((values[RIGID:] * self.bow_reach) @ (values[RIGID:] * self.bow_reach))
+        return self.ROUGH * bent2 / (bent2 + rigid2) if bent2 > 0.0 else 0.0
+
     def columns(self, frame: Frame) -> Float:
         """Change of z per unit of each of the nine values, on the pixels of the part."""
         at = np.flatnonzero(frame.rendering.part == self.part)
