@@ -26,8 +26,8 @@ COPIES = 0.05
 """Least share of neighbours with exactly the same depth in an image of copies. Of depth without codes noise alone makes none, and of depth in codes
 0.006 have the same amplitude besides; holes filled by a neighbour make 0.10 to 0.13, points copied to two by two pixels 0.35."""
 CHANCE = 0.25
-"""Largest share of neighbours of other depth that have the same amplitude by rounding, with which copies are distinguished from chance. Of an amplitude of 16
-bits 0.08 and less."""
+"""Largest share of neighbours of other depth that have the same amplitude by rounding, with which copies are distinguished from chance. Of an
+amplitude of 16 bits 0.08 and less."""
 WIDE_PX = 5
 """Pixels that no point is copied to side by side: equal depths over as many are a surface square to the camera, without noise, as a simulator has it."""
 CODED = 0.5

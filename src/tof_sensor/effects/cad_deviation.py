@@ -95,7 +95,7 @@ class CadDeviation(FieldEffect):
 
     @property
     def rough(self) -> float:
-        """That of the share of the deviation that is a bend: the map of a part that is only moved and turned is exact."""
+        """`ROUGH` times the share of the deviation that is a bend: the map of a part that is only moved and turned is exact."""
         values = np.asarray(self.values, float)
         rigid2 = float(values[:3] @ values[:3] + self.half_size_m**2 * (values[3:RIGID] @ values[3:RIGID]))
         bent2 = float((values[RIGID:] * self.bow_reach) @ (values[RIGID:] * self.bow_reach))

@@ -39,7 +39,6 @@ def examine_frames(
     """Findings about the depth frames sampled from a recording; lights: amplitude images sampled from it."""
     try:
         decoded = [_decoded(m, topics, camera, options) for m in messages]
-        amplitudes = _beside(messages, lights, topics.amplitude) if topics.depth else []
     except ToftwinError as error:
         yield refused(CHECK, error)
         return
@@ -48,6 +47,11 @@ def examine_frames(
         yield from one_byte(messages)
     yield codes(reasons)
     yield from distances(np.stack(depths), options)
+    try:
+        amplitudes = _beside(messages, lights, topics.amplitude) if topics.depth else []
+    except ToftwinError as error:
+        yield refused("amplitude", error)
+        amplitudes = []
     if why := registered(depths, topics.depth, amplitudes):
         yield note(CHECK, f"{why}. {WHAT}", REMEDY)
     if options.depth == "z":

@@ -66,6 +66,10 @@ def test_copies_of_depth_in_whole_millimetres_are_known_by_the_amplitude_of_the_
         found = examine_frames([of(coded, "16UC1", 7)], topics, CAMERA, BagOptions(depth="radial"), lights)
         return [f.line() for f in found if f.level is Level.NOTE]
 
+    torn = SimpleNamespace(**vars(of(light, "mono16", 7)) | {"encoding": "bgr8", "step": 6 * CAMERA.width})
+    found = list(examine_frames([of(coded, "16UC1", 7)], Topics(depth="/d", amplitude="/a"), CAMERA, BagOptions(depth="radial"), [torn]))
+    assert [f.check for f in found if f.level is Level.FIX] == ["amplitude"], "depth is examined all the same"
+    assert "depth" in {f.check for f in found}
     (line,) = noted(7)
     assert "of neighbouring pixels are copies of each other" in line
     assert noted(8) == []

@@ -99,7 +99,9 @@ class Figures:
         return replace(measure(held_out, self.rng, self.limits.shrink, unsure2), off_edges_mm=self._off_edges_mm(before, after, floors))
 
     def _off_edges_mm(self, before: Sequence[Float], after: Sequence[Float], floors: Sequence[Float]) -> tuple[float, float] | None:
-        """RMS in mm above the noise, before and after, of the held-out pixels that neither lie at edges nor wrap; None where these do not count, or no other pixel is left.
+        """RMS in mm above the noise, before and after, of the held-out pixels that neither lie at edges nor wrap.
+
+        None where pixels at edges and wrapped ones do not count, or where no other pixel is left.
 
         before, after: (H, W) metres per held-out view; floors: m^2.
         """
