@@ -48,7 +48,7 @@ def examine_frames(
     yield codes(reasons)
     yield from distances(np.stack(depths), options)
     try:
-        amplitudes = _beside(messages, lights, topics.amplitude) if topics.depth else []
+        amplitudes = _beside(messages, depths, lights, topics.amplitude) if topics.depth and lights else []
     except ToftwinError as error:
         yield refused("amplitude", error)
         amplitudes = []
@@ -58,12 +58,12 @@ def examine_frames(
         yield radial(depths, camera)
 
 
-def _beside(messages: Sequence[Any], lights: Sequence[Any], topic: str) -> list[Image | None]:
-    """The amplitude image (H, W) of the stamp and the size of each depth message, None where there is none."""
+def _beside(messages: Sequence[Any], depths: Sequence[Image], lights: Sequence[Any], topic: str) -> list[Image | None]:
+    """The amplitude image (H, W) of each message's stamp, None where there is none, or one of another size than the depth."""
     of_stamp = {stamp_ns(light): light for light in lights}
-    found = (of_stamp.get(stamp_ns(m)) for m in messages) if lights else (None for _ in messages)
+    found = [of_stamp.get(stamp_ns(m)) for m in messages]
     amplitudes = [None if light is None else decode_amplitude(light, topic) for light in found]
-    return [a if a is not None and a.shape == pixels(m).shape else None for a, m in zip(amplitudes, messages, strict=True)]
+    return [a if a is not None and a.shape == z.shape else None for a, z in zip(amplitudes, depths, strict=True)]
 
 
 def _decoded(message: Any, topics: Topics, camera: Camera, options: BagOptions) -> tuple[Image, Bytes]:

@@ -8,7 +8,7 @@ rectified grid passes the raw one, and no camera's range errs so.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from scipy.ndimage import uniform_filter
@@ -18,7 +18,7 @@ from tof_gap.seen.evidence.rounded_map import Sums, rounding
 from tof_sensor.geometry import ray_columns
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from tof_core.arrays import Float, Image
     from tof_gap.seen.evidence.view import ViewEvidence
@@ -66,6 +66,9 @@ class Equations:
     squared: float
 
 
+T = TypeVar("T", Sums, Offsets)
+
+
 def ray_shift(views: Sequence[ViewEvidence]) -> Image | None:
     """(H, W, 2) pixels along x and y from the ray of each pixel to that of its depth; None where the views show no such shift.
 
@@ -76,8 +79,7 @@ def ray_shift(views: Sequence[ViewEvidence]) -> Image | None:
         return None
     one, other = (_sums(views[start::2], NARROW_PX) for start in (0, 1))
     squared = one.squared + other.squared
-    gain = (other.shifts.explained(_solved(one.shifts)) + one.shifts.explained(_solved(other.shifts))) / squared
-    of_offsets = (other.offsets.explained(_offsets(one.offsets)) + one.offsets.explained(_offsets(other.offsets))) / squared
+    gain, of_offsets = _crossed(one.shifts, other.shifts, _solved) / squared, _crossed(one.offsets, other.offsets, _offsets) / squared
     if gain < max(LEAST_GAIN, of_offsets):
         return None
     every = _sums(views, WIDE_PX)
@@ -119,6 +121,11 @@ def _sums(views: Sequence[ViewEvidence], window_px: int) -> Equations:
 
     xx, xy, yy, xe, ye, aa, ae, squared = np.asarray(sum(in_threads(of_view, views)))
     return Equations(Sums(xx, xy, yy, xe, ye), Offsets(aa, ae), float(squared.sum()))
+
+
+def _crossed(one: T, other: T, solved: Callable[[T], Float]) -> float:
+    """Squared error over the noise that the solution of each half of the views explains in the other half."""
+    return other.explained(solved(one)) + one.explained(solved(other))
 
 
 def _solved(sums: Sums) -> Float:

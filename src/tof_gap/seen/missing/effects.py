@@ -58,7 +58,7 @@ def _beside_noise(found: Finding | None, views: Sequence[ViewEvidence], losses: 
     """The finding `dropout`, by design where a few pixels are lost at random whose noise reaches what a filter in the camera lets pass."""
     if found is None or not isinstance(found.effect, Dropout) or found.effect.threshold > 0.0 or found.expected:
         return found
-    few = losses.gone.any() and losses.gone.mean() < limits.filter.outliers
+    few = 0.0 < losses.gone.mean() < limits.filter.outliers
     if not few or not noise_may_reach(views, [np.asarray(share > 0.0) for share in losses.share], limits):
         return found
     return replace(found, expected=True, size=found.effect.stated, by_design="a filter in the camera removes outliers of noise this large")

@@ -55,7 +55,7 @@ def failed_unwrapping(views: Sequence[ViewEvidence], removed: Removed, limits: M
     """
     inside, gone = [expected(v, limits) for v in views], removed.gone
     lost = np.concatenate([np.where(g, lost_share(v), 0.0)[i] for v, g, i in zip(views, gone, inside, strict=True)])
-    if not lost.any() or lost.mean() < limits.lost_share or noise_may_reach(views, gone, limits):
+    if not len(lost) or lost.mean() < limits.lost_share or noise_may_reach(views, gone, limits):
         return None
     # A pixel is lost where it or another one that the filter takes with it is an outlier.
     share = min(1.0 - (1.0 - float(lost.mean())) ** (1 / removed.each), 0.5 * SINGLE_PIXELS)
