@@ -16,6 +16,7 @@ from tof_gap.solve.choose.judge import Selector
 from tof_gap.solve.confirmed import confirmed_m, energy_share, seen_share, sizes_m
 from tof_gap.solve.hypotheses.candidate import HAND_EYE
 from tof_gap.solve.lateness import late_apart
+from tof_gap.solve.offset import offset_apart
 from tof_gap.solve.solution import delayed, lens_of, solution
 from tof_gap.solve.start import observe
 from tof_gap.solve.tolerance import calibrated
@@ -23,6 +24,7 @@ from tof_gap.solved import Solved
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.motion import Motion
+from tof_sensor.effects.range_offset import RangeOffset
 from tof_sensor.effects.time_sync import TimeSync
 
 if TYPE_CHECKING:
@@ -64,6 +66,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     final, there = _chains(joint, rest, config.calibration)
     lens = None if any(n.name == Intrinsics.NAME for n in rest) else lens_of(joint)
     evidence = observe(views, caster, final, config, concavity=True, lens=lens)  # Mixed pixels need exact poses and footprints.
+    rest = offset_apart(rest, evidence, 1e-3 * config.select.least_mm, asked=RangeOffset.NAME in joint.asked)
     stated = Posed(evidence, final, caster, config.solve.joint.other_surface_mm * 1e-3)
     maps, free = stated.shares(rest), free_shares(joint, evidence)
     give_back()  # What rendering and mapping have freed.
@@ -79,8 +82,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     evidence = less(evidence, [by_view for name, by_view in (maps | free).items() if name in small])
     maps, free = ({name: by_view for name, by_view in one.items() if name not in small} for one in (maps, free))
     causes = [n for n in rest if n.name not in small]
-    left = (true, still, own, nameless) if moved else (replace(stated, views=evidence), causes, maps, free)
-    bare = _subtracted(*left)
+    bare = _subtracted(*(true, still, own, nameless) if moved else (replace(stated, views=evidence), causes, maps, free))
     return Solved(
         camera=views[0].camera,
         caster=caster,
@@ -97,7 +99,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         bare=_beside_pattern(bare, maps, config) if any(n.name == FixedPattern.NAME for n in rest) else bare,
         unnamed_m=_together_m(sizes, free),
         depends_on=tuple(quantity for quantity in joint.selection.unknown if quantity in free),
-        small=tuple(sorted(small | {n.name for n in found if n not in rest})),
+        small=tuple(sorted(small | {n.name for n in found} - {n.name for n in rest})),
         small_m={name: sizes[name] for name in small},
         within=tuple(n for n in rest if n.name in small),
         small_together=joint.selection.small_together,

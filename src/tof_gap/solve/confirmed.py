@@ -10,6 +10,8 @@ import numpy as np
 from tof_core.stats import touched
 from tof_gap.solve.causes import fitted
 from tof_gap.solve.lateness import late_apart
+from tof_gap.solve.offset import offset_apart
+from tof_sensor.effects.range_offset import RangeOffset
 from tof_sensor.effects.time_sync import TimeSync
 from tof_sensor.registry import EFFECTS
 
@@ -45,6 +47,7 @@ def confirmed_m(
     for views in split.others if maps else ():
         found = fitted(joint, [v for v in everywhere if v not in views], judge)
         apart = late_apart(found, limits.frame_taps, asked=TimeSync.NAME in joint.asked)
+        apart = offset_apart(apart, posed.views, -np.inf, asked=RangeOffset.NAME in maps)
         by_name = posed.shares([n for n in apart if n.name in maps], views)
         for i, v in enumerate(views):
             further[v] = {name: by_view[i] for name, by_view in by_name.items()} | {of: by_view[v] for of, by_view in free.items()}

@@ -27,8 +27,14 @@ from tof_gap.solve.settle import followed, settled
 from tof_gap.solve.solution import Joint, lens_of, solution
 from tof_gap.solve.start import check_fit, farthest, observe
 from tof_scene.render import render
+from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.motion import Motion
+from tof_sensor.effects.range_offset import RangeOffset
+from tof_sensor.effects.time_sync import TimeSync
 from tof_sensor.geometry import pose_columns
+
+SET_APART = {TimeSync.NAME: Motion.NAME, RangeOffset.NAME: AmplitudeBias.NAME}
+"""Effects that may be set apart from the solution of another (`lateness`, `offset`), by name."""
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -91,10 +97,10 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
 
 
 def without(joint: Joint, name: str, config: GapConfig) -> Joint:
-    """The same solution without the effect `name`, all others fitted again; without `motion`, the lateness set apart from it goes too."""
+    """The same solution without the effect `name`, all others fitted again; one that was set apart from another goes with that (`SET_APART`)."""
     members = joint.selection.chosen.members
     own = any(joint.design.candidates[m].name == name for m in members)
-    gone = name if own else Motion.NAME
+    gone = name if own else SET_APART[name]
     left = narrowed(joint.design, config.select, joint.selection, joint.design.without(members, gone))
     return replace(joint, selection=replace(left, fullest=tuple(joint.design.without(left.fullest, gone))))
 
