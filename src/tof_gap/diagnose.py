@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from tof_gap.seen.evidence.between_points import HIDDEN, between_points, hides_l
 from tof_gap.seen.evidence.field import within_field
 from tof_gap.seen.evidence.residual import less
 from tof_gap.seen.noise.own_law import own_law
-from tof_gap.solve.apart import set_apart
+from tof_gap.solve.apart import set_apart, thin_apart
 from tof_gap.solve.conclude import conclude
 from tof_gap.solve.hypotheses.candidate import HAND_EYE
 from tof_gap.solve.hypotheses.candidates import not_testable
@@ -53,6 +53,8 @@ if TYPE_CHECKING:
     from tof_gap.limits.solve import SolveLimits
     from tof_gap.seen.finding import Finding
     from tof_gap.solve.solution import Joint
+    from tof_gap.solve.start import Start
+    from tof_gap.solved import Bound
     from tof_gap.tell.account import Account
     from tof_gap.tell.unexplained import Unexplained
     from tof_scene.raycast import Raycaster
@@ -95,31 +97,68 @@ def diagnose(
     begun, along_ray = gate(within_field(between_points(views)), caster, config, align, asked=RadialDepth.NAME not in left_out)
     check_enough(views, along_ray, config.solve.views)
     recorded, (world, begun) = begun.views, set_apart(begun, caster, config, align)
-    begun = as_rectified(begun, caster, config)
-    progress(TOGETHER)
-    joint, config, views, stray = solve_agreeing(begun, caster, config, frozenset(VOCABULARY) if few else left_out)
-    split = dealt(joint.chain, config.solve)
-    progress(HELD_OUT)
-    read = partial(account, config=config, rng=rng, along_ray=along_ray, given=given, alone=few, left_out=left_out, stated=stated)
-    bounds = joint.bounds
-    found, resembled = believed(joint, lambda chosen: read(conclude(chosen, views, caster, config, split, rng)), config)
-    del joint, begun
-    give_back()
-    progress(UNEXPLAINED)
-    unexplained = look(found, caster.scene, config.report, config.missing, resembled, stated.removed_mm)
-    not_tested = too_few(len(views)) if few else untested(found, config, stated.law, left_out) | dict(untestable)
+    read = partial(account, rng=rng, along_ray=along_ray, given=given, alone=few, left_out=left_out, stated=stated)
+    asked = frozenset(VOCABULARY) if few else left_out
+    answer = partial(answered, caster=caster, config=config, left_out=asked, stated=stated, read=read, rng=rng, progress=progress)
+    one = answer(as_rectified(begun, caster, config))
+    del begun
+    if one.unexplained.structured and (thin := thin_apart(world, one.views, one.found.solved, one.config)) is not None:
+        del one
+        world, begun = thin
+        one = answer(begun)
+    found, unexplained, config = one.found, one.unexplained, one.config
+    not_tested = too_few(len(one.views)) if few else untested(found, config, stated.law, left_out) | dict(untestable)
     return Diagnosis(
         verdict(found, unexplained, config.report),
         without_causes(found) if doubted(unexplained, config.report) else found,
-        explainable(found.solved.evidence, found.figures.left(), split, found.gap, config.report.explainable),
+        explainable(found.solved.evidence, found.figures.left(), found.solved.split, found.gap, config.report.explainable),
         unexplained,
         not_tested,
         law_beside(found, config),
         config,
         described(unexplained_objects(world, recorded, found), caster.scene),
-        stray,
-        absent(found, bounds, {*not_tested, *left_out, *resembled}),
+        one.stray,
+        absent(found, one.bounds, {*not_tested, *left_out, *one.resembled}),
     )
+
+
+class Answer(NamedTuple):
+    """A solution as it is believed.
+
+    found: its account; unexplained: what no named effect explains; resembled: names of causes that the views contradict; config: its settings;
+    views: what it was solved from; stray: indices of the stray views among them; bounds: what each effect that is not named stays below.
+    """
+
+    found: Account
+    unexplained: Unexplained
+    resembled: list[str]
+    config: GapConfig
+    views: Sequence[View]
+    stray: tuple[int, ...]
+    bounds: Mapping[str, Bound]
+
+
+def answered(
+    begun: Start,
+    caster: Raycaster,
+    config: GapConfig,
+    left_out: frozenset[str],
+    stated: StatedNoise,
+    read: Callable[..., Account],
+    rng: np.random.Generator,
+    progress: Callable[[str], None],
+) -> Answer:
+    """Solve a session from its start, take out what is not believed, and judge what is left; read: the account of a solution with `config`."""
+    progress(TOGETHER)
+    joint, config, views, stray = solve_agreeing(begun, caster, config, left_out)
+    split, bounds = dealt(joint.chain, config.solve), joint.bounds
+    progress(HELD_OUT)
+    found, resembled = believed(joint, lambda chosen: read(conclude(chosen, views, caster, config, split, rng), config=config), config)
+    del joint
+    give_back()
+    progress(UNEXPLAINED)
+    unexplained = look(found, caster.scene, config.report, config.missing, resembled, stated.removed_mm)
+    return Answer(found, unexplained, resembled, config, views, stray, bounds)
 
 
 def believed(joint: Joint, read: Callable[[Joint], Account], config: GapConfig) -> tuple[Account, list[str]]:

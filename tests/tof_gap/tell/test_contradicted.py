@@ -75,6 +75,16 @@ def test_the_share_is_that_of_the_squares_that_are_left_where_the_map_acts(left_
     assert shares_left(found, LIMIT)["wiggling"] == pytest.approx(share, abs=0.03)
 
 
+def test_a_small_thing_fills_no_large_block_and_leaves_its_share_of_finer_ones() -> None:
+    """Stripes of 4 pixels are half of the error where the map acts: blocks of 8 pixels take their mean, which is 0."""
+    column = np.arange(SHAPE[1])
+    acts = column < 48
+    stripes = np.where(acts, np.where(column // 4 % 2, 0.004, -0.004), 0.0)
+    found = account(np.broadcast_to(stripes, SHAPE), wiggling=np.broadcast_to(np.where(acts, 0.004, 0.0), SHAPE))
+    assert shares_left(found, LIMIT)["wiggling"] == pytest.approx(0.5, abs=0.05)
+    assert shares_left(found, replace(LIMIT, contradicted_px=16))["wiggling"] < 0.01
+
+
 def test_the_effect_that_leaves_most_is_contradicted() -> None:
     half = ramp(0.006, 0)
     assert contradicted(account(half, lens_scatter=0.5 * half, wiggling=np.zeros(SHAPE)), LIMIT) == "lens_scatter"
