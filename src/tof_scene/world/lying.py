@@ -25,7 +25,7 @@ UNDER = 0.2
 STEP = 0.6
 """Least step from the inner to the outer rim, as a share of the object's height: a slab has 1, a smooth bump a third."""
 HEIGHT = 0.9
-"""Quantile of an object's deviations, without the zone of mixed pixels, that counts as its height."""
+"""Quantile of an object's deviations that counts as its height."""
 
 
 def ends_in_a_step(seen: Seen, measured: Float, object_px: Mask, *, on_a_part: bool) -> bool:
@@ -39,8 +39,7 @@ def ends_in_a_step(seen: Seen, measured: Float, object_px: Mask, *, on_a_part: b
     """
     before = seen.cad - measured
     finite = np.isfinite(before)
-    unmixed = _shrunk(object_px, MIXED_PX) & finite
-    inner = unmixed & ~_shrunk(object_px, MIXED_PX + RIM_PX)
+    inner = _shrunk(object_px, MIXED_PX) & ~_shrunk(object_px, MIXED_PX + RIM_PX) & finite
     around = _grown(object_px, MIXED_PX + RIM_PX) & ~_grown(object_px, MIXED_PX)
     outer = around & (seen.part >= 0) & finite
 
@@ -48,7 +47,7 @@ def ends_in_a_step(seen: Seen, measured: Float, object_px: Mask, *, on_a_part: b
         if not (inner & where).any() or not (outer & where).any():
             return False
         step = np.median(before[inner & where]) - np.median(before[outer & where])
-        return bool(step > STEP * np.quantile(before[unmixed & where], HEIGHT))
+        return bool(step > STEP * np.nanquantile(before[object_px & where], HEIGHT))
 
     if not on_a_part:
         return steps(np.ones(object_px.shape, bool))
