@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -36,6 +36,14 @@ class Named:
     def verdict(self) -> str:
         """`a`, or `a|b` for effects that the session cannot distinguish."""
         return "|".join(sorted({self.name, *self.ties}))
+
+    def divided(self, kept: Effect, apart: Effect, std: dict[str, float]) -> tuple[Named, Named]:
+        """Two effects in place of this one, of a single instance: `kept`, and `apart` with the deviations `std` of its parameters.
+
+        Each could stand in for the other; named together, they are no tie.
+        """
+        ties = tuple(name for name in self.ties if name != apart.NAME)
+        return replace(self, effects=(kept,), ties=ties), Named(apart.NAME, (apart,), (std,), ties, self.confidence)
 
 
 ANY_PART = -1

@@ -33,9 +33,6 @@ from tof_sensor.effects.range_offset import RangeOffset
 from tof_sensor.effects.time_sync import TimeSync
 from tof_sensor.geometry import pose_columns
 
-SET_APART = {TimeSync.NAME: Motion.NAME, RangeOffset.NAME: AmplitudeBias.NAME}
-"""Effects that may be set apart from the solution of another (`lateness`, `offset`), by name."""
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -48,6 +45,9 @@ if TYPE_CHECKING:
     from tof_gap.solve.start import Start
     from tof_scene.raycast import Raycaster
     from tof_sensor.effect import Effect
+
+SET_APART = {TimeSync.NAME: Motion.NAME, RangeOffset.NAME: AmplitudeBias.NAME}
+"""Effects that may be set apart from the solution of another (`lateness`, `offset`), by name."""
 
 
 def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozenset[str] = frozenset()) -> Joint:

@@ -6,12 +6,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from tof_gap.solved import Named
 from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.time_sync import TimeSync
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from tof_gap.solved import Named
 
 
 def late_apart(found: Sequence[Named], frame_taps: float, *, asked: bool = True) -> tuple[Named, ...]:
@@ -27,8 +28,5 @@ def late_apart(found: Sequence[Named], frame_taps: float, *, asked: bool = True)
     motion, std = found[at].effects[0], found[at].std[0]
     if not isinstance(motion, Motion) or abs(motion.axial_s) <= 0.5 * frame_taps * motion.apart_s:
         return tuple(found)
-    # Each could stand in for the other; named together, they are no tie.
-    ties = tuple(name for name in found[at].ties if name != TimeSync.NAME)
-    late = Named(TimeSync.NAME, (TimeSync(delay_s=motion.axial_s),), ({"delay_s": std["axial_s"]},), ties, found[at].confidence)
-    taps = replace(found[at], effects=(replace(motion, axial_s=0.0),), ties=ties)
-    return tuple(sorted((*found[:at], taps, *found[at + 1 :], late), key=lambda one: one.name))
+    both = found[at].divided(replace(motion, axial_s=0.0), TimeSync(delay_s=motion.axial_s), {"delay_s": std["axial_s"]})
+    return tuple(sorted((*found[:at], *both, *found[at + 1 :]), key=lambda one: one.name))

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.solved import Named
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.range_offset import RangeOffset
 
@@ -16,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_gap.seen.evidence.view import ViewEvidence
+    from tof_gap.solved import Named
 
 FLATTEST, USUAL = 0.5, 1.0
 """Power of the light with which a bias by the amplitude changes at least, and usually: the error of charge that arrives late is inverse to the
@@ -44,11 +44,8 @@ def offset_apart(found: Sequence[Named], views: Sequence[ViewEvidence], least_m:
         return tuple(found)
     offset = RangeOffset(offset_m=float(np.sign(least) * (abs(least) - usual)))
     sd_m = float(np.hypot(_constant_sd(std), 0.5 * (flattest - usual)))
-    # Each could stand in for the other; named together, they are no tie.
-    ties = tuple(name for name in found[at].ties if name != RangeOffset.NAME)
-    constant = Named(RangeOffset.NAME, (offset,), ({"offset_m": sd_m},), ties, found[at].confidence)
-    changing = replace(found[at], effects=(_lowered(effect, offset.offset_m),), ties=ties)
-    return tuple(sorted((*found[:at], changing, *found[at + 1 :], constant), key=lambda one: one.name))
+    both = found[at].divided(_lowered(effect, offset.offset_m), offset, {"offset_m": sd_m})
+    return tuple(sorted((*found[:at], *both, *found[at + 1 :]), key=lambda one: one.name))
 
 
 def _extremes(effect: AmplitudeBias, views: Sequence[ViewEvidence]) -> tuple[float, float, float]:
